@@ -1,0 +1,31 @@
+# Everything runs from a fresh clone: each target makes .venv first when it is missing or pyproject.toml is newer.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+CONSTRAINTS := $(if $(CI),-c .ci/constraints.txt,)
+
+.PHONY: demo test lint bench clean
+
+demo: $(STAMP)
+	$(BIN)/antiphase demo thesis-652 --out runs/thesis-652
+
+test: $(STAMP) lint
+	$(BIN)/python -m pytest
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports --no-cache
+
+bench: $(STAMP)
+	$(BIN)/python -m pytest tests/benchmarks -s
+
+$(STAMP): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "antiphase needs Python 3.11 or newer: make PYTHON=python3.12")'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check $(CONSTRAINTS) -e '.[all]'
+	@touch $(STAMP)
+
+clean:
+	rm -rf $(VENV) runs build *.egg-info

@@ -1,0 +1,1 @@
+"""The skin around the physics: files, screens, configuration, nodes and the bus."""

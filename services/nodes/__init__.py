@@ -1,0 +1,1 @@
+"""Machine, monitor and controller: `handle(message) -> list of messages`; no bus, no clock, no loop."""

@@ -1,0 +1,16 @@
+"""Shared by all tests: repeatable hypothesis runs, and floating-point errors that do not pass in silence."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile(
+    "antiphase", derandomize=True, deadline=None, print_blob=True, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("antiphase")
+
+
+@pytest.fixture(autouse=True)
+def _floating_point_errors():
+    with np.errstate(all="raise", under="ignore"):
+        yield
