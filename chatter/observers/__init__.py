@@ -1,0 +1,1 @@
+"""Cutting force from the signals of a feed drive, by nominal models only."""
