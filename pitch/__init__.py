@@ -1,0 +1,62 @@
+"""From chatter frequency and spindle speed to the turret offset that puts the two regenerative waves in antiphase."""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pitch.geometry import (
+        ArcPosition,
+        TurretOffset,
+        arc_position,
+        offset_from_slides,
+        slide_set_points,
+        turret_offset,
+    )
+    from pitch.optimum import optimal_pitch_difference, pitch_difference_for_phase, regenerative_phase
+    from pitch.planner import Decision, Planner, PlannerConfig, Situation
+    from pitch.stability import OneModeProcess, StabilityUnresolved, critical_stiffness, rightmost_root, roots
+    from pitch.trajectory import ShiftTrajectory, TrajectoryLimits
+
+__all__ = [
+    "ArcPosition",
+    "Decision",
+    "OneModeProcess",
+    "Planner",
+    "PlannerConfig",
+    "ShiftTrajectory",
+    "Situation",
+    "StabilityUnresolved",
+    "TrajectoryLimits",
+    "TurretOffset",
+    "arc_position",
+    "critical_stiffness",
+    "offset_from_slides",
+    "optimal_pitch_difference",
+    "pitch_difference_for_phase",
+    "regenerative_phase",
+    "rightmost_root",
+    "roots",
+    "slide_set_points",
+    "turret_offset",
+]
+
+_HOME = {
+    "geometry": (
+        "ArcPosition", "TurretOffset", "arc_position", "offset_from_slides", "slide_set_points", "turret_offset",
+    ),
+    "optimum": ("optimal_pitch_difference", "pitch_difference_for_phase", "regenerative_phase"),
+    "planner": ("Decision", "Planner", "PlannerConfig", "Situation"),
+    "stability": ("OneModeProcess", "StabilityUnresolved", "critical_stiffness", "rightmost_root", "roots"),
+    "trajectory": ("ShiftTrajectory", "TrajectoryLimits"),
+}  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    for module, names in _HOME.items():
+        if name in names:
+            return getattr(import_module(f"pitch.{module}"), name)
+    raise AttributeError(f"module 'pitch' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__
