@@ -1,0 +1,365 @@
+"""Compiled inner loop of the plant: one call advances a whole block of servo samples.
+
+Symbols, all SI:
+
+======  =========================================================  =========
+symbol  meaning                                                    origin
+======  =========================================================  =========
+h       fixed time step of bar, drives and surface (s)             54 kHz
+p1, p2  penetration of each tool, deeper is positive (m)           model, 4
+r       what a tool left, relative to its nominal cut (m)          model, 4
+u1, u2  material phase under each tool (rad)                       below
+D       change of depth (m)                                        model, 4
+mu      overlap factor                                             model, 1
+V       surface speed (m/s)                                        model, 4
+======  =========================================================  =========
+
+A tool at polar position ``beta`` (measured along the surface motion) meets the material point ``beta - theta``. Tool 1
+sits at ``h``, tool 2 half a turn behind it, so with the phases ``u1 = theta - h`` and ``u2 = theta`` each tool reads
+what the other wrote at its own phase minus pi, whatever the shift and the speed did in between.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+RING = 256
+SURFACE = 16384
+PASSES = 3
+
+X1_THRUST, X1_MOTOR, X1_STAGE, Y1_THRUST, Y1_MOTOR, Y1_STAGE = 0, 1, 2, 3, 4, 5
+BAR, VIBRATION, FORCE_X1, FORCE_Y1P, FORCE_X2 = 6, 7, 8, 9, 10
+CONTACT1, CONTACT2, ANGLE, POSITION, IN_CUT = 11, 12, 13, 14, 15
+LEFT1, LEFT2, PHASE1, PHASE2 = 16, 17, 18, 19
+CHANNELS = 20
+
+THETA, THETA_ENTRY, FR1, FT1, FR2, QX, QY = 0, 1, 2, 3, 4, 5, 6
+STEP, READ1, READ2, WAS_IN_CUT = 0, 1, 2, 3
+
+
+class Status(IntEnum):
+    """What a kernel has to say about the block it was given."""
+
+    OK = 0
+    DIVERGED = 1
+    SURFACE_MEMORY = 2
+
+
+class Plant(NamedTuple):
+    """The numbers the kernel needs, in SI units."""
+
+    h: float
+    substeps: int
+    entry_step: int
+    start: float
+    stop: float
+    feed: float
+    radius: float
+    stiffness: float
+    tangential_ratio: float
+    mu: float
+    cp: float
+    flank_factor: float
+    tan_clearance: float
+    rake: float
+    force: float
+    tangential_force: float
+    noise: float
+    setting: float
+    cos_psi: float
+    sin_psi: float
+    thrust_delay: float
+    motor_delay: float
+    stage_delay: float
+    table_step: float
+    max_amplitude: float
+
+
+class Control(NamedTuple):
+    """One axis' control law and encoders."""
+
+    inertia: float
+    motor_mass: float
+    stage_mass: float
+    motor_damping: float
+    stage_damping: float
+    kp: float
+    kv: float
+    dis_gain: float
+    g_dis: float
+    der_b: float
+    der_a: float
+    rate: float
+    motor_step: float
+    stage_step: float
+
+
+@njit(cache=True, fastmath=False)
+def quantise(x, q):
+    """Return the encoder reading of a position; no step means no quantisation."""
+    if q <= 0.0:
+        return x
+    return math.floor(x / q + 0.5) * q
+
+
+@njit(cache=True, fastmath=False)
+def delayed(ring, n, delay, channel):
+    """Read a ring `delay` steps back, linear between steps."""
+    whole = int(delay)
+    part = delay - whole
+    a = ring[(n - whole) & (RING - 1), channel]
+    if part == 0.0:
+        return a
+    return a + part * (ring[(n - whole - 1) & (RING - 1), channel] - a)
+
+
+@njit(cache=True, fastmath=False)
+def servo(c, s, ref, xm, xt):
+    """Return the commanded thrust of one axis; `s` holds its filters (order as below)."""
+    # s: xm, xt, vm, vt, observer low-pass, thrust, last reference, the one before
+    s[2] = c.der_a * s[2] + c.der_b * (xm - s[0])
+    s[3] = c.der_a * s[3] + c.der_b * (xt - s[1])
+    s[0] = xm
+    s[1] = xt
+    momentum = c.g_dis * (c.motor_mass * s[2] + c.stage_mass * s[3])
+    s[4] += c.dis_gain * (s[5] + momentum - c.motor_damping * s[2] - c.stage_damping * s[3] - s[4])
+    velocity = (ref - s[6]) * c.rate
+    acceleration = (ref - 2.0 * s[6] + s[7]) * c.rate * c.rate
+    s[7] = s[6]
+    s[6] = ref
+    s[5] = c.inertia * (c.kv * (c.kp * (ref - xt) + velocity - s[2]) + acceleration) + s[4] - momentum
+    return s[5]
+
+
+@njit(cache=True, fastmath=False)
+def modal_step(omega, zeta, h, out):
+    """Fill `out` with the exact step of a unit-mass mode, force linear over the step.
+
+    Rows are displacement and velocity, columns displacement, velocity, force at the start, force at the end.
+    """
+    sigma = zeta * omega
+    wd = omega * math.sqrt(1.0 - zeta * zeta)
+    e = math.exp(-sigma * h)
+    c = e * math.cos(wd * h)
+    s = e * math.sin(wd * h) / wd
+    k = omega * omega
+    out[0, 0] = c + sigma * s
+    out[0, 1] = s
+    out[1, 0] = -k * s
+    out[1, 1] = c - sigma * s
+    # particular solution a + b t for a unit force and for a unit slope
+    ramp = 1.0 / (k * h)
+    lag = -2.0 * zeta / omega * ramp
+    end0 = lag + 1.0 / k - (out[0, 0] * lag + out[0, 1] * ramp)
+    end1 = ramp - (out[1, 0] * lag + out[1, 1] * ramp)
+    out[0, 3] = end0
+    out[1, 3] = end1
+    out[0, 2] = (1.0 - out[0, 0]) / k - end0
+    out[1, 2] = -out[1, 0] / k - end1
+
+
+@njit(cache=True, fastmath=False)
+def read_surface(phase, left, ptr, target):
+    """Return (value, pointer) of a history at a phase, 4-point Lagrange on its own nodes."""
+    mask = SURFACE - 1
+    while phase[(ptr + 1) & mask] <= target:
+        ptr += 1
+    while phase[ptr & mask] > target:
+        ptr -= 1
+    i0, i1, i2, i3 = (ptr - 1) & mask, ptr & mask, (ptr + 1) & mask, (ptr + 2) & mask
+    a, b, c, d = phase[i0], phase[i1], phase[i2], phase[i3]
+    ta, tb, tc, td = target - a, target - b, target - c, target - d
+    ab, ac, ad, bc, bd, cd = a - b, a - c, a - d, b - c, b - d, c - d
+    value = (
+        left[i0] * (tb * tc * td / (ab * ac * ad))
+        - left[i1] * (ta * tc * td / (ab * bc * bd))
+        + left[i2] * (ta * tb * td / (ac * bc * cd))
+        - left[i3] * (ta * tb * tc / (ad * bd * cd))
+    )
+    return value, ptr
+
+
+@njit(cache=True, fastmath=False)
+def thrust(plant, depth, velocity, chip, stiffness, limit):
+    """Return the radial force of one tool in contact (never pulling)."""
+    force = stiffness * chip + plant.cp * velocity
+    if velocity > limit:
+        force += plant.flank_factor * plant.cp * (velocity - limit)
+    return max(force, 0.0)
+
+
+@njit(cache=True, fastmath=False)
+def advance(
+    plant, cx, cy, drive, table, refs, omega, noise, scale_noise, z, bar, servo_x, servo_y, ring, phase, left, f, k, out
+):
+    """Advance `refs.shape[1]` servo samples; the state arrays are updated in place."""
+    h, mask, modes = plant.h, SURFACE - 1, bar.shape[0]
+    step = np.empty((modes, 2, 4))
+    free = np.empty((modes, 2))
+    load = np.empty((modes, 2))
+    phi = np.empty(modes)
+    zn = np.empty(10)
+    h0 = plant.force / plant.stiffness
+    n = k[STEP]
+    for i in range(refs.shape[1]):
+        # --- what the machine reads and commands at this sample
+        ring[n & (RING - 1), 2] = z[0]
+        ring[n & (RING - 1), 3] = z[5]
+        ring[n & (RING - 1), 4] = z[2]
+        ring[n & (RING - 1), 5] = z[7]
+        xm = quantise(delayed(ring, n, plant.motor_delay, 2), cx.motor_step)
+        ym = quantise(delayed(ring, n, plant.motor_delay, 3), cy.motor_step)
+        xt = quantise(delayed(ring, n, plant.stage_delay, 4) + scale_noise[i, 0], cx.stage_step)
+        yt = quantise(delayed(ring, n, plant.stage_delay, 5) + scale_noise[i, 1], cy.stage_step)
+        ux = servo(cx, servo_x, refs[0, i], xm, xt)
+        uy = servo(cy, servo_y, refs[1, i], ym, yt)
+        # --- the bar seen from the present tool position
+        in_cut = n >= plant.entry_step
+        if in_cut and k[WAS_IN_CUT] == 0:
+            f[THETA_ENTRY] = f[THETA]
+            k[WAS_IN_CUT] = 1
+        s = plant.start
+        if in_cut:
+            s += plant.feed * (f[THETA] - f[THETA_ENTRY]) / (2.0 * math.pi)
+            if s >= plant.stop:
+                s = plant.stop
+                in_cut = False
+        row = min(int(s / plant.table_step), table.shape[0] - 2)
+        part = s / plant.table_step - row
+        q = 0.0
+        qd = 0.0
+        for m in range(modes):
+            phi[m] = table[row, m, 0] + part * (table[row + 1, m, 0] - table[row, m, 0])
+            w = table[row, m, 1] + part * (table[row + 1, m, 1] - table[row, m, 1])
+            zeta = table[row, m, 2] + part * (table[row + 1, m, 2] - table[row, m, 2])
+            mass = table[row, m, 3] + part * (table[row + 1, m, 3] - table[row, m, 3])
+            modal_step(w, zeta, h, step[m])
+            for a in range(2):
+                load[m, a] = phi[m] / mass
+            q += phi[m] * bar[m, 0]
+            qd += phi[m] * bar[m, 1]
+        limit = omega[i] * plant.radius * plant.tan_clearance
+        tool_x = z[2] + z[7] * plant.cos_psi
+        tool_y = z[7] * plant.sin_psi
+        out[X1_THRUST, i] = ux
+        out[X1_MOTOR, i] = xm
+        out[X1_STAGE, i] = xt
+        out[Y1_THRUST, i] = uy
+        out[Y1_MOTOR, i] = ym
+        out[Y1_STAGE, i] = yt
+        out[BAR, i] = -q
+        rho = math.hypot(plant.radius - tool_x, tool_y)
+        out[VIBRATION, i] = -q - (plant.radius - rho)
+        out[FORCE_X1, i] = f[QX]
+        out[FORCE_Y1P, i] = (plant.cos_psi * f[QX] - f[QY]) / plant.sin_psi
+        out[FORCE_X2, i] = f[FR2]
+        out[CONTACT1, i] = f[FR1] != 0.0
+        out[CONTACT2, i] = f[FR2] != 0.0
+        out[ANGLE, i] = f[THETA]
+        out[POSITION, i] = s
+        out[IN_CUT, i] = in_cut
+        last = (n - 1) & mask
+        out[LEFT1, i] = left[0, last]
+        out[LEFT2, i] = left[1, last]
+        out[PHASE1, i] = phase[0, last]
+        out[PHASE2, i] = phase[1, last]
+        for j in range(plant.substeps):
+            # --- where the tools are at the end of this step
+            px = z[2] + h * z[3] + (z[7] + h * z[8]) * plant.cos_psi
+            py = (z[7] + h * z[8]) * plant.sin_psi
+            rho = math.sqrt((plant.radius - px) ** 2 + py * py)
+            cos_h = (plant.radius - px) / rho
+            sin_h = py / rho
+            shift = math.atan2(py, plant.radius - px)
+            deeper = plant.radius - rho
+            deeper_rate = cos_h * (z[3] + z[8] * plant.cos_psi) - sin_h * z[8] * plant.sin_psi
+            f[THETA] += omega[i] * h
+            u1 = f[THETA] - shift
+            u2 = f[THETA]
+            r1, k[READ1] = read_surface(phase[0], left[0], k[READ1], u2 - math.pi)
+            r2, k[READ2] = read_surface(phase[1], left[1], k[READ2], u1 - math.pi)
+            stiffness1 = plant.stiffness * (1.0 + plant.rake * shift)
+            base1 = h0 + deeper - plant.mu * r2
+            base2 = h0 + plant.setting - plant.mu * r1
+            noise1 = plant.noise * noise[i * plant.substeps + j, 0]
+            noise2 = plant.noise * noise[i * plant.substeps + j, 1]
+            old = f[FR2] - f[FR1]
+            for m in range(modes):
+                for a in range(2):
+                    free[m, a] = (
+                        step[m, a, 0] * bar[m, 0] + step[m, a, 1] * bar[m, 1] + step[m, a, 2] * load[m, a] * old
+                    )
+            fr1, fr2, ft1 = f[FR1], f[FR2], 0.0
+            chip1 = chip2 = 0.0
+            for _ in range(PASSES):
+                q = 0.0
+                qd = 0.0
+                for m in range(modes):
+                    q += phi[m] * (free[m, 0] + step[m, 0, 3] * load[m, 0] * (fr2 - fr1))
+                    qd += phi[m] * (free[m, 1] + step[m, 1, 3] * load[m, 1] * (fr2 - fr1))
+                fr1 = fr2 = 0.0
+                if in_cut:
+                    chip1 = base1 + q
+                    chip2 = base2 - q
+                    if chip1 > 0.0:
+                        fr1 = thrust(plant, 0.0, qd + deeper_rate, chip1, stiffness1, limit) + noise1
+                    if chip2 > 0.0:
+                        fr2 = thrust(plant, 0.0, -qd, chip2, plant.stiffness, limit) + noise2
+            for m in range(modes):
+                for a in range(2):
+                    bar[m, a] = free[m, a] + step[m, a, 3] * load[m, a] * (fr2 - fr1)
+            # --- what the tools leave
+            now = n & mask
+            phase[0, now] = u1
+            phase[1, now] = u2
+            left[0, now] = 0.0
+            left[1, now] = 0.0
+            if in_cut:
+                left[0, now] = chip1 - h0 + plant.mu * r2 if chip1 > 0.0 else plant.mu * r2 - h0
+                left[1, now] = chip2 - h0 + plant.mu * r1 if chip2 > 0.0 else plant.mu * r1 - h0
+                if chip1 > 0.0:
+                    ft1 = plant.tangential_force * stiffness1 / plant.stiffness
+                    ft1 = max(ft1 + plant.tangential_ratio * stiffness1 * (chip1 - h0), 0.0)
+            # --- the drives under the force on tool 1, linear over the step
+            force_x = fr1 * cos_h - ft1 * sin_h
+            force_y = fr1 * sin_h + ft1 * cos_h
+            qx = force_x
+            qy = force_x * plant.cos_psi - force_y * plant.sin_psi
+            slot = n & (RING - 1)
+            ring[slot, 0] = ux
+            ring[slot, 1] = uy
+            ring[slot, 2] = z[0]
+            ring[slot, 3] = z[5]
+            ring[slot, 4] = z[2]
+            ring[slot, 5] = z[7]
+            vx = delayed(ring, n, plant.thrust_delay, 0)
+            vy = delayed(ring, n, plant.thrust_delay, 1)
+            for a in range(10):
+                zn[a] = (
+                    drive[10, a] * vx
+                    + drive[11, a] * vy
+                    + drive[12, a] * f[QX]
+                    + drive[13, a] * f[QY]
+                    + drive[14, a] * qx
+                    + drive[15, a] * qy
+                )
+            for b in range(10):
+                for a in range(10):
+                    zn[a] += drive[b, a] * z[b]
+            for a in range(10):
+                z[a] = zn[a]
+            f[FR1], f[FT1], f[FR2], f[QX], f[QY] = fr1, ft1, fr2, qx, qy
+            n += 1
+        if not (abs(q) < plant.max_amplitude):
+            k[STEP] = n
+            return Status.DIVERGED
+        if n - k[READ1] > SURFACE - 8 or n - k[READ2] > SURFACE - 8:
+            k[STEP] = n
+            return Status.SURFACE_MEMORY
+    k[STEP] = n
+    return Status.OK

@@ -1,0 +1,363 @@
+"""The plant as one object: it owns the state and advances it block by block."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from turning_sim import _kernels as kernels
+from turning_sim._check import require
+from turning_sim.cutting import Cutting
+from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
+from turning_sim.linear import LinearParameters, linear_parameters
+from turning_sim.surface import generatrix, mean_roughness, profile
+from turning_sim.turrets import shift_of_tool, slides_of_shift, tool_of_slides
+from turning_sim.workpiece import Workpiece
+
+_TABLE_STEP = 0.5e-3
+_LINES = 12
+_PROFILE_STEP = 1e-6
+_LOWEST_SPINDLE_HZ = 5.0
+
+
+class SimulationDiverged(RuntimeError):
+    """The plant left the range in which its equations mean anything."""
+
+    def __init__(self, *, sample: int, hint: str) -> None:
+        super().__init__(f"simulation stopped before sample {sample}: {hint}")
+        self.sample = sample
+        self.hint = hint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlantBlock:
+    """What happened in `n` servo samples; every array has shape (n,).
+
+    Attributes
+    ----------
+    first_sample : int
+        Index of the first sample.
+    sample_rate_hz : float
+        (Hz)
+    x1_thrust, y1_thrust : ndarray
+        Commanded thrust (N).
+    x1_motor_position, y1_motor_position, x1_stage_position, y1_stage_position : ndarray
+        Encoders (m).
+    dx1, dy1p, shift : ndarray
+        Offset of tool 1 (m) and shift (rad) from the linear scales.
+    bar_displacement : ndarray
+        Bar at the tools along +X1 (m). Truth, as all that follow.
+    vibration : ndarray
+        Bar relative to tool 1 along +X1 (m).
+    force_x1, force_y1p : ndarray
+        Force on tool 1, out along -X1 and along +Y1' (N).
+    force_x2 : ndarray
+        Radial force on tool 2 (N).
+    contact1, contact2, in_cut : ndarray
+        Whether the tools cut.
+    spindle_angle : ndarray
+        (rad), not wrapped.
+    tool_position : ndarray
+        Distance of the tools from the tip (m).
+    """
+
+    first_sample: int
+    sample_rate_hz: float
+    x1_thrust: np.ndarray
+    x1_motor_position: np.ndarray
+    x1_stage_position: np.ndarray
+    y1_thrust: np.ndarray
+    y1_motor_position: np.ndarray
+    y1_stage_position: np.ndarray
+    dx1: np.ndarray
+    dy1p: np.ndarray
+    shift: np.ndarray
+    bar_displacement: np.ndarray
+    vibration: np.ndarray
+    force_x1: np.ndarray
+    force_y1p: np.ndarray
+    force_x2: np.ndarray
+    contact1: np.ndarray
+    contact2: np.ndarray
+    spindle_angle: np.ndarray
+    tool_position: np.ndarray
+    in_cut: np.ndarray
+
+
+class Simulator:
+    """Two opposed tools on one flexible bar, turret 1 on its drives.
+
+    Parameters
+    ----------
+    workpiece : Workpiece
+        The bar.
+    cutting : Cutting
+        The cut.
+    drives : TurretDrives
+        Turret 1.
+    sample_rate_hz : float
+        Servo rate (Hz).
+    substeps : int
+        Steps of bar, drives and surface for each servo sample.
+    start_position : float
+        Tools from the tip at entry (m).
+    air_time : float
+        Before both tools enter together (s), rounded to a servo sample.
+    seed : int
+        Of force and scale noise.
+    initial_shift : float
+        Where turret 1 stands at the start (rad).
+    diameter : float or None
+        At the cutting point, for the arc and the surface speed (m); None takes the workpiece's.
+    end_position : float or None
+        Where the tools leave the cut (m); None for the chuck.
+    """
+
+    def __init__(
+        self,
+        *,
+        workpiece: Workpiece,
+        cutting: Cutting,
+        drives: TurretDrives,
+        sample_rate_hz: float = 9000.0,
+        substeps: int = 6,
+        start_position: float,
+        air_time: float,
+        seed: int,
+        initial_shift: float = 0.0,
+        diameter: float | None = None,
+        end_position: float | None = None,
+    ) -> None:
+        end = workpiece.length if end_position is None else end_position
+        require(sample_rate_hz > 0.0, "sample_rate_hz", "positive", sample_rate_hz)
+        require(substeps >= 1, "substeps", "at least 1", substeps)
+        require(0.0 <= start_position < end, "start_position", "in [0, end_position)", start_position)
+        require(end <= workpiece.length, "end_position", "at most the length of the bar", end)
+        require(air_time >= 0.0, "air_time", "at least 0", air_time)
+        require(abs(initial_shift) <= math.radians(20.0), "initial_shift", "within 20 deg", initial_shift)
+        self.workpiece, self.cutting, self.drives = workpiece, cutting, drives
+        self.sample_rate_hz, self.substeps = sample_rate_hz, substeps
+        self.diameter = workpiece.cutting_diameter if diameter is None else diameter
+        require(self.diameter > 0.0, "diameter", "positive", self.diameter)
+        self.sample = 0
+        self.step = 1.0 / (sample_rate_hz * substeps)
+        grid = np.arange(0.0, workpiece.length + 0.5 * _TABLE_STEP, _TABLE_STEP)
+        self._table = workpiece.table(np.minimum(grid, workpiece.length))
+        self._drive = drives.transition(self.step)
+        self._controls = tuple(
+            _control(axis, gains, sample_rate_hz)
+            for axis, gains in ((drives.x1, drives.x1_control), (drives.y1, drives.y1_control))
+        )
+        self._plant = self._plant_numbers(start_position, end, round(air_time * sample_rate_hz))
+        self._scale_noise = np.array([drives.x1.scale_noise, drives.y1.scale_noise])
+        self._noise = np.random.Generator(np.random.Philox(key=[seed, 0]))
+        self._scale = np.random.Generator(np.random.Philox(key=[seed, 1]))
+        self._state = self._rest(initial_shift)
+        self._trace: tuple[np.ndarray, ...] = ()
+
+    def prepare(self) -> None:
+        """Compile by running one dummy sample; the state is untouched."""
+        before = self.snapshot()
+        self.advance(self._state["servo_x"][6:7].copy(), self._state["servo_y"][6:7].copy())
+        self.restore(before)
+
+    def advance(
+        self, x1_ref: np.ndarray, y1_ref: np.ndarray, spindle_hz: float | np.ndarray | None = None
+    ) -> PlantBlock:
+        """Advance the plant by as many servo samples as there are references.
+
+        Parameters
+        ----------
+        x1_ref, y1_ref : ndarray
+            Absolute slide references (m), shape (n,).
+        spindle_hz : float or ndarray or None
+            Spindle speed (Hz), one or shape (n,); None for the nominal one.
+
+        Returns
+        -------
+        PlantBlock
+            Measured signals and truth at the samples.
+        """
+        refs = np.array([x1_ref, y1_ref], dtype=np.float64)
+        require(refs.ndim == 2 and bool(np.isfinite(refs).all()), "x1_ref, y1_ref", "finite, shape (n,)", refs.shape)
+        n = refs.shape[1]
+        speed = np.broadcast_to(np.asarray(self.cutting.spindle_hz if spindle_hz is None else spindle_hz, float), (n,))
+        slowest = float(speed.min(initial=np.inf))
+        require(slowest >= _LOWEST_SPINDLE_HZ, "spindle_hz", f"at least {_LOWEST_SPINDLE_HZ}", slowest)
+        out = np.empty((kernels.CHANNELS, n))
+        noise = self._noise.standard_normal((n * self.substeps, 2))
+        scale = self._scale.standard_normal((n, 2)) * self._scale_noise
+        status = kernels.advance(
+            self._plant, *self._controls, self._drive, self._table, refs, 2.0 * np.pi * speed, noise, scale,
+            *self._state.values(), out,
+        )  # fmt: skip
+        first = self.sample
+        self.sample += n
+        if status != kernels.Status.OK:
+            raise SimulationDiverged(sample=self.sample, hint=_HINTS[kernels.Status(status)])
+        self._trace += (out[[kernels.LEFT1, kernels.LEFT2, kernels.PHASE1, kernels.PHASE2, kernels.POSITION]],)
+        return self._block(first, out)
+
+    def roughness(self, start: float, stop: float) -> float:
+        """Return Ra (m) of the finished surface between two tool positions (m from the tip).
+
+        Both tools' nose arcs, as deep as each pass left them, are laid over each other along lines on the bar; the
+        lowest of them remains. Parts that are not yet cut on all sides do not count: nan if nothing remains.
+        """
+        require(start < stop, "start", "before stop", start)
+        margin = 2.0 * self.cutting.feed_per_rev
+        trace = np.concatenate(self._trace, axis=1) if self._trace else np.zeros((5, 0))
+        near = (trace[4] >= start - 2.0 * margin) & (trace[4] <= stop + 2.0 * margin)
+        near &= trace[4] > self._plant.start
+        trace = trace[:, near]
+        if trace.shape[1] < 2:
+            return math.nan
+        low, high = max(start, trace[4, 0] + margin), min(stop, trace[4, -1] - margin)
+        z = np.arange(low, high, _PROFILE_STEP)
+        if z.size < 100:
+            return math.nan
+        return float(np.mean([mean_roughness(self._height(trace, a, z), _PROFILE_STEP) for a in _line_angles()]))
+
+    def linear_parameters(self, tool_position: float) -> LinearParameters:
+        """Return the one-mode numbers with the tools at `tool_position` (m from the tip)."""
+        return linear_parameters(self.workpiece, self.cutting, tool_position)
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return a copy of the whole state, generators included."""
+        return {
+            "sample": self.sample,
+            "state": {name: value.copy() for name, value in self._state.items()},
+            "noise": self._noise.bit_generator.state,
+            "scale": self._scale.bit_generator.state,
+            "trace": self._trace,
+        }
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Go back to a state from `snapshot`."""
+        self.sample = snapshot["sample"]
+        self._state = {name: value.copy() for name, value in snapshot["state"].items()}
+        self._noise.bit_generator.state = snapshot["noise"]
+        self._scale.bit_generator.state = snapshot["scale"]
+        self._trace = snapshot["trace"]
+
+    def _height(self, trace: np.ndarray, angle: float, z: np.ndarray) -> np.ndarray:
+        # tool 2 meets a line half a turn after tool 1
+        lines = [generatrix(trace[2 + i], trace[i], trace[4], angle + np.pi * i) for i in range(2)]
+        positions, depths = (np.concatenate(parts) for parts in zip(*lines, strict=True))
+        return profile(positions, depths, self.cutting.nose_radius, z)
+
+    def _plant_numbers(self, start: float, end: float, entry_sample: int) -> kernels.Plant:
+        cut, drives = self.cutting, self.drives
+        radial, tangential = cut.steady_forces
+        return kernels.Plant(
+            h=self.step,
+            substeps=self.substeps,
+            entry_step=entry_sample * self.substeps,
+            start=start,
+            stop=end,
+            feed=cut.feed_per_rev,
+            radius=self.diameter / 2.0,
+            stiffness=cut.cutting_stiffness,
+            tangential_ratio=cut.tangential_ratio,
+            mu=cut.overlap,
+            cp=cut.process_damping,
+            flank_factor=cut.flank_factor,
+            tan_clearance=math.tan(cut.flank_clearance),
+            rake=cut.rake_gain,
+            force=radial,
+            tangential_force=tangential,
+            noise=cut.force_noise * math.sqrt(0.5 / self.step),
+            setting=cut.setting_difference,
+            cos_psi=math.cos(drives.axis_angle),
+            sin_psi=math.sin(drives.axis_angle),
+            thrust_delay=drives.x1.thrust_delay / self.step,
+            motor_delay=drives.x1.motor_delay / self.step,
+            stage_delay=drives.x1.stage_delay / self.step,
+            table_step=_TABLE_STEP,
+            max_amplitude=1e-3,
+        )
+
+    def _rest(self, shift: float) -> dict[str, np.ndarray]:
+        """Return the state at rest; its order is the kernel's."""
+        slides = [float(s) for s in slides_of_shift(shift, self.diameter, self.drives.axis_angle)]
+        z, ring = np.zeros(10), np.zeros((kernels.RING, 6))
+        servos = np.zeros((2, 8))
+        for i, (position, axis) in enumerate(zip(slides, (self.drives.x1, self.drives.y1), strict=True)):
+            z[[5 * i, 5 * i + 2]] = position
+            ring[:, [2 + i, 4 + i]] = position
+            servos[i, 0] = kernels.quantise.py_func(position, axis.motor_resolution)
+            servos[i, 1] = kernels.quantise.py_func(position, axis.stage_resolution)
+            servos[i, 6:] = position
+        past = np.arange(kernels.SURFACE, dtype=np.float64) - kernels.SURFACE
+        phase = 2.0 * np.pi * self.cutting.spindle_hz * self.step * (past + 1.0)
+        half = math.ceil(0.5 / (self.cutting.spindle_hz * self.step))
+        return {
+            "z": z,
+            "bar": np.zeros((len(self.workpiece.damping_ratios), 2)),
+            "servo_x": servos[0],
+            "servo_y": servos[1],
+            "ring": ring,
+            "phase": np.array([phase - shift, phase]),
+            "left": np.zeros((2, kernels.SURFACE)),
+            "f": np.zeros(8),
+            "k": np.array([0, -half, -half, 0]),
+        }
+
+    def _block(self, first: int, out: np.ndarray) -> PlantBlock:
+        dx1, dy1p = tool_of_slides(out[kernels.X1_STAGE], out[kernels.Y1_STAGE], self.drives.axis_angle)
+        return PlantBlock(
+            first_sample=first,
+            sample_rate_hz=self.sample_rate_hz,
+            x1_thrust=out[kernels.X1_THRUST],
+            x1_motor_position=out[kernels.X1_MOTOR],
+            x1_stage_position=out[kernels.X1_STAGE],
+            y1_thrust=out[kernels.Y1_THRUST],
+            y1_motor_position=out[kernels.Y1_MOTOR],
+            y1_stage_position=out[kernels.Y1_STAGE],
+            dx1=dx1,
+            dy1p=dy1p,
+            shift=shift_of_tool(dx1, dy1p, self.diameter),
+            bar_displacement=out[kernels.BAR],
+            vibration=out[kernels.VIBRATION],
+            force_x1=out[kernels.FORCE_X1],
+            force_y1p=out[kernels.FORCE_Y1P],
+            force_x2=out[kernels.FORCE_X2],
+            contact1=out[kernels.CONTACT1] != 0.0,
+            contact2=out[kernels.CONTACT2] != 0.0,
+            spindle_angle=out[kernels.ANGLE],
+            tool_position=out[kernels.POSITION],
+            in_cut=out[kernels.IN_CUT] != 0.0,
+        )
+
+
+_HINTS = {
+    kernels.Status.DIVERGED: "the bar moved more than a millimetre; check the cutting stiffness and the damping",
+    kernels.Status.SURFACE_MEMORY: "the spindle is too slow for the stored surface",
+}
+
+
+def _line_angles() -> np.ndarray:
+    return 2.0 * np.pi * (np.arange(_LINES) + 0.5) / _LINES
+
+
+def _control(axis: FeedDrive, gains: AxisControl, rate: float) -> kernels.Control:
+    g, step = gains.derivative_bandwidth, 1.0 / rate
+    return kernels.Control(
+        inertia=axis.motor_mass + axis.stage_mass,
+        motor_mass=axis.motor_mass,
+        stage_mass=axis.stage_mass,
+        motor_damping=axis.motor_viscosity,
+        stage_damping=axis.stage_damping,
+        kp=gains.position_gain,
+        kv=gains.velocity_gain,
+        dis_gain=1.0 - math.exp(-gains.disturbance_bandwidth * step),
+        g_dis=gains.disturbance_bandwidth,
+        der_b=2.0 * g / (2.0 + g * step),
+        der_a=(2.0 - g * step) / (2.0 + g * step),
+        rate=rate,
+        motor_step=axis.motor_resolution,
+        stage_step=axis.stage_resolution,
+    )
