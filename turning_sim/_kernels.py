@@ -38,7 +38,7 @@ CONTACT1, CONTACT2, ANGLE, POSITION, IN_CUT = 11, 12, 13, 14, 15
 LEFT1, LEFT2, PHASE1, PHASE2 = 16, 17, 18, 19
 CHANNELS = 20
 
-THETA, THETA_ENTRY, FR1, FT1, FR2, QX, QY = 0, 1, 2, 3, 4, 5, 6
+THETA, THETA_ENTRY, FR1, FT1, FR2, QX, QY, BRISTLE_X, BRISTLE_Y = range(9)
 STEP, READ1, READ2, WAS_IN_CUT = 0, 1, 2, 3
 
 
@@ -76,6 +76,10 @@ class Plant(NamedTuple):
     thrust_delay: float
     motor_delay: float
     stage_delay: float
+    friction_x: float
+    friction_y: float
+    presliding_x: float
+    presliding_y: float
     table_step: float
     max_amplitude: float
 
@@ -134,6 +138,13 @@ def servo(c, s, ref, xm, xt):
     s[6] = ref
     s[5] = c.inertia * (c.kv * (c.kp * (ref - xt) + velocity - s[2]) + acceleration) + s[4] - momentum
     return s[5]
+
+
+@njit(cache=True, fastmath=False)
+def bristle(z, velocity, friction, stiffness, h):
+    """Return the deflection of the presliding spring after a step (Dahl), exact at constant velocity."""
+    steady = math.copysign(friction / stiffness, velocity)
+    return steady + (z - steady) * math.exp(-stiffness * abs(velocity) * h / friction)
 
 
 @njit(cache=True, fastmath=False)
@@ -339,6 +350,13 @@ def advance(
             ring[slot, 5] = z[7]
             vx = delayed(ring, n, plant.thrust_delay, 0)
             vy = delayed(ring, n, plant.thrust_delay, 1)
+            rub_x = rub_y = 0.0
+            if plant.friction_x > 0.0:
+                f[BRISTLE_X] = bristle(f[BRISTLE_X], z[1], plant.friction_x, plant.presliding_x, h)
+                rub_x = plant.presliding_x * f[BRISTLE_X]
+            if plant.friction_y > 0.0:
+                f[BRISTLE_Y] = bristle(f[BRISTLE_Y], z[6], plant.friction_y, plant.presliding_y, h)
+                rub_y = plant.presliding_y * f[BRISTLE_Y]
             for a in range(10):
                 zn[a] = (
                     drive[10, a] * vx
@@ -347,6 +365,8 @@ def advance(
                     + drive[13, a] * f[QY]
                     + drive[14, a] * qx
                     + drive[15, a] * qy
+                    + drive[16, a] * rub_x
+                    + drive[17, a] * rub_y
                 )
             for b in range(10):
                 for a in range(10):

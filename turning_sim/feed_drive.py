@@ -37,6 +37,10 @@ class FeedDrive:
         Encoder steps at the stage (m); 0 for none.
     scale_noise : float
         Interpolation noise of the linear scale (m rms).
+    motor_friction : float
+        Dry friction of screw and bearings, felt at the stage (N).
+    presliding_stiffness : float
+        Of that friction before it slides (N/m).
     """
 
     lead: float
@@ -53,13 +57,17 @@ class FeedDrive:
     motor_resolution: float
     stage_resolution: float
     scale_noise: float = 0.0
+    motor_friction: float = 0.0
+    presliding_stiffness: float = 5e7
 
     def __post_init__(self) -> None:
         for name in ("lead", "motor_inertia", "stage_mass", "drive_stiffness", "current_bandwidth"):
             require(getattr(self, name) > 0.0, name, "positive", getattr(self, name))
         for name in ("motor_damping", "stage_damping", "drive_damping", "motor_resolution", "stage_resolution"):
             require(getattr(self, name) >= 0.0, name, "at least 0", getattr(self, name))
-        require(self.scale_noise >= 0.0, "scale_noise", "at least 0", self.scale_noise)
+        for name in ("scale_noise", "motor_friction"):
+            require(getattr(self, name) >= 0.0, name, "at least 0", getattr(self, name))
+        require(self.presliding_stiffness > 0.0, "presliding_stiffness", "positive", self.presliding_stiffness)
         for name in ("thrust_delay", "motor_delay", "stage_delay"):
             require(0.0 <= getattr(self, name) < 2e-3, name, "in [0, 2 ms)", getattr(self, name))
 
@@ -145,15 +153,16 @@ class TurretDrives:
         Returns
         -------
         ndarray
-            Shape (16, 10): one row of responses for each state (motor position and velocity, stage position and
+            Shape (18, 10): one row of responses for each state (motor position and velocity, stage position and
             velocity, thrust, of X1 then Y1), then for the two thrust commands, the two loads at the start and the two
-            at the end of the step. Loads oppose their slides.
+            at the end of the step, and the two motor frictions (held). Loads and frictions oppose their slides.
         """
         a, b_thrust, b_load = self._continuous()
-        # inputs as states: thrust (2), load (2) and its slope (2)
-        big = np.zeros((16, 16))
+        # inputs as states: thrust (2), load (2) and its slope (2), friction (2)
+        big = np.zeros((18, 18))
         big[:10, :10], big[:10, 10:12], big[:10, 12:14] = a, b_thrust, b_load
         big[12:14, 14:16] = np.eye(2) / step
+        big[1, 16], big[6, 17] = -1.0 / self.x1.motor_mass, -1.0 / self.y1.motor_mass
         full = expm(big * step)[:10]
         full[:, 12:14] -= full[:, 14:16]
         return np.ascontiguousarray(full.T)

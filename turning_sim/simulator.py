@@ -19,6 +19,7 @@ from turning_sim.workpiece import Workpiece
 
 _TABLE_STEP = 0.5e-3
 _LINES = 12
+_TRACE = [kernels.LEFT1, kernels.LEFT2, kernels.PHASE1, kernels.PHASE2, kernels.POSITION]
 _PROFILE_STEP = 1e-6
 _LOWEST_SPINDLE_HZ = 5.0
 
@@ -156,7 +157,7 @@ class Simulator:
         self._noise = np.random.Generator(np.random.Philox(key=[seed, 0]))
         self._scale = np.random.Generator(np.random.Philox(key=[seed, 1]))
         self._state = self._rest(initial_shift)
-        self._trace: tuple[np.ndarray, ...] = ()
+        self._trace: list[np.ndarray] = []
 
     def prepare(self) -> None:
         """Compile by running one dummy sample; the state is untouched."""
@@ -198,7 +199,8 @@ class Simulator:
         self.sample += n
         if status != kernels.Status.OK:
             raise SimulationDiverged(sample=self.sample, hint=_HINTS[kernels.Status(status)])
-        self._trace += (out[[kernels.LEFT1, kernels.LEFT2, kernels.PHASE1, kernels.PHASE2, kernels.POSITION]],)
+        if out[kernels.IN_CUT].any():
+            self._trace.append(out[_TRACE])
         return self._block(first, out)
 
     def roughness(self, start: float, stop: float) -> float:
@@ -232,7 +234,7 @@ class Simulator:
             "state": {name: value.copy() for name, value in self._state.items()},
             "noise": self._noise.bit_generator.state,
             "scale": self._scale.bit_generator.state,
-            "trace": self._trace,
+            "trace": list(self._trace),
         }
 
     def restore(self, snapshot: dict[str, Any]) -> None:
@@ -241,7 +243,7 @@ class Simulator:
         self._state = {name: value.copy() for name, value in snapshot["state"].items()}
         self._noise.bit_generator.state = snapshot["noise"]
         self._scale.bit_generator.state = snapshot["scale"]
-        self._trace = snapshot["trace"]
+        self._trace = list(snapshot["trace"])
 
     def _height(self, trace: np.ndarray, angle: float, z: np.ndarray) -> np.ndarray:
         # tool 2 meets a line half a turn after tool 1
@@ -276,6 +278,10 @@ class Simulator:
             thrust_delay=drives.x1.thrust_delay / self.step,
             motor_delay=drives.x1.motor_delay / self.step,
             stage_delay=drives.x1.stage_delay / self.step,
+            friction_x=drives.x1.motor_friction,
+            friction_y=drives.y1.motor_friction,
+            presliding_x=drives.x1.presliding_stiffness,
+            presliding_y=drives.y1.presliding_stiffness,
             table_step=_TABLE_STEP,
             max_amplitude=1e-3,
         )
@@ -302,7 +308,7 @@ class Simulator:
             "ring": ring,
             "phase": np.array([phase - shift, phase]),
             "left": np.zeros((2, kernels.SURFACE)),
-            "f": np.zeros(8),
+            "f": np.zeros(9),
             "k": np.array([0, -half, -half, 0]),
         }
 
