@@ -5,12 +5,15 @@ from typing import Any
 
 _EXPORTS = {
     "BiquadFilter": "chatter.filters",
-    "ChatterEstimate": "chatter.detector",
+    "ChatterEstimate": "chatter.estimate",
     "Detector": "chatter.detector",
     "ChatterMonitor": "chatter.monitor",
-    "MonitorConfig": "chatter.monitor",
+    "MonitorConfig": "chatter.estimate",
     "LoadSideObserver": "chatter.observers.load_side",
     "MovingVariance": "chatter.moving_variance",
+    "Event": "chatter.recording",
+    "RecordingVerdict": "chatter.recording",
+    "detect_recording": "chatter.recording",
     "NominalFeedDrive": "chatter.observers.load_side",
     "SlidingDFT": "chatter.sliding_dft",
     "butterworth": "chatter.filters",

@@ -1,0 +1,223 @@
+"""From blocks of a signal to one estimate for every block of the grid; the class that others use."""
+
+from copy import deepcopy
+from dataclasses import dataclass
+from math import ceil
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from chatter.blocks import as_block, positive_integer
+from chatter.detector import Detector
+from chatter.estimate import ChatterEstimate, MonitorConfig
+from chatter.filters import BiquadFilter, butterworth, response
+from chatter.moving_variance import MovingVariance
+from chatter.sliding_dft import SlidingDFT
+from chatter.spectrum import hann_power
+
+__all__ = ["ChatterEstimate", "ChatterMonitor", "MonitorConfig", "MonitorState"]
+
+Floats = NDArray[np.float64]
+
+ORDER = 3
+"""Order of the band-pass: 18 dB per octave on either side, a delay of some 3 ms for 500...750 Hz."""
+IMPLAUSIBLE = 1e75
+"""Larger samples count as not finite: their squares must stay far from overflow."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorState:
+    """Copy of the whole state of a `ChatterMonitor`."""
+
+    next_sample: int
+    pending: Floats
+    lost: int
+    late: int
+    filled: int
+    ring: Floats
+    parts: tuple[Any, ...]
+
+
+class ChatterMonitor:
+    """Two indicators of chatter on the 10 ms grid: moving variance of the band, and its strongest line.
+
+    Input may be cut anywhere: it is re-blocked on the grid anchored at sample 0, and what `in_cut`, `spindle_hz` and
+    `moving` say of a call holds for every block completed by it. Samples lost empty the windows and are reported in
+    the next estimate; samples that come again are ignored and counted.
+
+    Parameters
+    ----------
+    config : MonitorConfig
+        Parameters.
+    sample_rate_hz : float
+        Sampling rate (Hz).
+    channels : int
+        Number of channels.
+    """
+
+    def __init__(self, config: MonitorConfig, sample_rate_hz: float, channels: int = 1) -> None:
+        self.config = config
+        self.sample_rate_hz = float(sample_rate_hz)
+        self.channels = positive_integer("channels", channels)
+        low, high = config.band_hz
+        if not high < 0.5 * self.sample_rate_hz:
+            raise ValueError(
+                f"band_hz must end below {0.5 * self.sample_rate_hz} (half of the sampling rate), got {config.band_hz}"
+            )
+        self.block = max(round(config.block * self.sample_rate_hz), 1)
+        self._window = round(config.window * self.sample_rate_hz)
+        spacing = self.sample_rate_hz / self._window
+        bins = np.arange(max(ceil(low / spacing - 1e-9), 1), int(high / spacing + 1e-9) + 1)
+        self._frequencies_hz = bins * spacing
+        around = np.concatenate([bins[:1] - 1, bins, bins[-1:] + 1]) * spacing
+        sections = butterworth(ORDER, (low, high), self.sample_rate_hz, "bandpass")
+        self._filter = BiquadFilter(sections, self.channels)
+        self._inverse_gain = 1.0 / np.abs(response(sections, self._frequencies_hz, self.sample_rate_hz)) ** 2
+        self._dft = SlidingDFT(np.minimum(around, 0.5 * self.sample_rate_hz), self._window, self.sample_rate_hz,
+                               self.channels)  # fmt: skip
+        self._variance = MovingVariance(self._window, self.channels)
+        self._detector = Detector(config, self._frequencies_hz, 2.0 * (high - low) * config.window, self.sample_rate_hz)
+        self._depth = self.block * ceil(config.refine_window * self.sample_rate_hz / self.block)
+        self._ring = np.zeros((2 * self._depth, self.channels))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, learned limits too; the stream may begin at any sample again."""
+        self._next: int | None = None
+        self._pending = np.zeros((0, self.channels))
+        self._lost = self._late = 0
+        self._restart()
+        self._detector.reset()
+
+    def _restart(self) -> None:
+        """Empty the windows; learned limits stay."""
+        self._filled = 0
+        for part in (self._filter, self._dft, self._variance):
+            part.reset()
+        self._detector.restart()
+
+    def prepare(self) -> None:
+        """Compile every kernel; the state stays as it is."""
+        twin = ChatterMonitor(self.config, self.sample_rate_hz, self.channels)
+        time = np.arange(2 * self._window + self.block) / self.sample_rate_hz
+        tone = np.sin(2.0 * np.pi * float(np.mean(self.config.band_hz)) * time)
+        twin.process(np.repeat(tone[:, None], self.channels, axis=1), 0)
+
+    def process(
+        self,
+        block: ArrayLike,
+        first_sample: int,
+        *,
+        in_cut: bool | None = None,
+        spindle_hz: float | None = None,
+        moving: bool = False,
+    ) -> list[ChatterEstimate]:
+        """Take samples and return the estimate of every block of the grid that they complete.
+
+        Parameters
+        ----------
+        block : array_like, shape (n, channels)
+            New samples.
+        first_sample : int
+            Index of the first of them.
+        in_cut : bool or None
+            Whether the tools cut; None when nobody knows.
+        spindle_hz : float or None
+            Spindle speed, when known (Hz).
+        moving : bool
+            Whether a turret moves.
+        """
+        samples = as_block(block, self.channels)
+        if first_sample < 0:
+            raise ValueError(f"first_sample must not be negative, got {first_sample}")
+        samples = self._join(samples, int(first_sample))
+        if self._next is None or not len(samples):
+            return []
+        data = np.concatenate([self._pending, samples]) if len(self._pending) else samples
+        first = self._next - len(self._pending)
+        whole = len(data) // self.block
+        self._pending = data[whole * self.block :].copy()
+        self._next += len(samples)
+        return [
+            self._estimate(
+                data[i * self.block : (i + 1) * self.block], first + i * self.block, in_cut, spindle_hz, moving
+            )
+            for i in range(whole)
+        ]
+
+    def _join(self, samples: Floats, first_sample: int) -> Floats:
+        """Return the samples that continue the stream on the grid, after noting what is lost or late."""
+        if self._next is None:
+            self._next = first_sample - first_sample % self.block
+        end = first_sample + len(samples)
+        if first_sample < self._next:
+            ignored = min(self._next, end) - first_sample
+            self._late += ignored
+            return samples[ignored:]
+        if first_sample == self._next:
+            return samples
+        self._restart()
+        start = self.block * ceil(first_sample / self.block)
+        self._lost += start - (self._next - len(self._pending))
+        self._pending = np.zeros((0, self.channels))
+        self._next = start
+        if end < start:  # not even the first whole block begins in here
+            self._lost -= start - end
+            self._next = end
+            return samples[:0]
+        return samples[start - first_sample :]
+
+    def _estimate(
+        self, block: Floats, first: int, in_cut: bool | None, spindle_hz: float | None, moving: bool
+    ) -> ChatterEstimate:
+        gap, late, self._lost, self._late = self._lost, self._late, 0, 0
+        common = {"first_sample": first, "samples": len(block), "gap": gap, "late": late, "moving": bool(moving)}
+        if not np.abs(block).max() <= IMPLAUSIBLE:
+            self._restart()
+            return ChatterEstimate(**common, state="invalid")
+        band = self._filter.update(block)
+        power = hann_power(self._dft.update(band), self._window) * self._inverse_gain
+        square = float(self._variance.update(band)[-1].sum())
+        fields = self._detector.step(
+            power, square, self._remember(band), in_cut=in_cut, spindle_hz=spindle_hz, moving=moving
+        )
+        if gap:
+            fields["state"] = "gap"
+        return ChatterEstimate(**common, **fields)
+
+    def _remember(self, band: Floats) -> Floats:
+        """Write a block into the ring and return everything since the windows were emptied, at most its depth."""
+        end = self._filled % self._depth + len(band)
+        self._ring[end - len(band) : end] = band
+        self._ring[end - len(band) + self._depth : end + self._depth] = band
+        self._filled += len(band)
+        return self._ring[end + self._depth - min(self._filled, self._depth) : end + self._depth]
+
+    def snapshot(self) -> MonitorState:
+        """Return a copy of the whole state."""
+        return MonitorState(
+            next_sample=-1 if self._next is None else self._next,
+            pending=self._pending.copy(),
+            lost=self._lost,
+            late=self._late,
+            filled=self._filled,
+            ring=self._ring.copy(),
+            parts=tuple(p.snapshot() for p in (self._filter, self._dft, self._variance, self._detector)),
+        )
+
+    def restore(self, state: MonitorState) -> None:
+        """Continue from a copy of the state.
+
+        Parameters
+        ----------
+        state : MonitorState
+            What `snapshot` of a monitor with the same parameters returned.
+        """
+        if state.ring.shape != self._ring.shape:
+            raise ValueError(f"state must be of shape {self._ring.shape}, got {state.ring.shape}")
+        self._next = None if state.next_sample < 0 else state.next_sample
+        self._pending, self._ring[:] = state.pending.copy(), state.ring
+        self._lost, self._late, self._filled = state.lost, state.late, state.filled
+        for part, saved in zip((self._filter, self._dft, self._variance, self._detector), state.parts, strict=True):
+            part.restore(deepcopy(saved))

@@ -1,0 +1,225 @@
+"""Lines between the bins: their frequency, amplitude and growth from the last stretch of a signal."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+OVERSAMPLING = 2.5
+"""Baseband samples per hertz of half bandwidth: the kernel of `baseband` is 40 dB down where it folds."""
+TAPS = 4
+"""Length of the kernel in baseband samples."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One line of a spectrum at the end of the stretch that it was found in.
+
+    Parameters
+    ----------
+    frequency_hz : float
+        Frequency (Hz).
+    amplitude : float
+        Root sum of squares of the amplitudes in the channels.
+    growth : float
+        Growth rate (1/s).
+    explained : float
+        Share of the energy near the line that the fitted lines explain, 0...1.
+    span : float
+        Length of the stretch (s).
+    """
+
+    frequency_hz: float
+    amplitude: float
+    growth: float
+    explained: float
+    span: float
+
+
+def hann_power(spectrum: Complexes, window: int) -> Floats:
+    """Return the squared line amplitudes under a Hann window, summed over the channels, shape (bins - 2,).
+
+    The window is applied in the frequency domain, so the first and the last bin only help their neighbours.
+
+    Parameters
+    ----------
+    spectrum : ndarray, shape (channels, bins)
+        Plain spectrum at spacing sample_rate / window.
+    window : int
+        Samples in the window.
+    """
+    hann = 0.5 * spectrum[:, 1:-1] - 0.25 * (spectrum[:, :-2] + spectrum[:, 2:])
+    return (hann.real**2 + hann.imag**2).sum(axis=0) * (4.0 / window) ** 2
+
+
+def baseband(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_hz: float) -> tuple[Complexes, float]:
+    """Return the end of a signal shifted down by a frequency and thinned out, shape (m, channels), and its rate (Hz).
+
+    Only one side of the spectrum is kept, so there is no image at the negative frequency to bias an estimate. The
+    last sample returned is centred half a kernel before the end of the signal.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n, channels)
+        Samples, the newest last.
+    centre_hz : float
+        Frequency that becomes zero (Hz).
+    half_band_hz : float
+        Half of the band kept (Hz).
+    sample_rate_hz : float
+        Sampling rate (Hz).
+    """
+    step = max(int(sample_rate_hz / (OVERSAMPLING * half_band_hz)), 1)
+    kernel = _kernel(step)
+    count = max((len(signal) - len(kernel)) // step + 1, 0)
+    used = signal[len(signal) - len(kernel) - (count - 1) * step :] if count else signal[:0]
+    turn = np.exp((-2j * np.pi * centre_hz / sample_rate_hz) * np.arange(1 - len(used), 1))
+    mixed = used * turn[:, None]
+    pieces = np.lib.stride_tricks.sliding_window_view(mixed, len(kernel), axis=0)[::step] if count else mixed
+    return (pieces @ kernel if count else mixed), sample_rate_hz / step
+
+
+def _kernel(step: int) -> Floats:
+    length = TAPS * step + 1
+    kernel = np.sin(np.pi * np.arange(1, length + 1) / (length + 1)) ** 2
+    return kernel / kernel.sum()
+
+
+def _kernel_gain(step: int, offset_hz: Floats, sample_rate_hz: float) -> Floats:
+    """Return the gain of the kernel at distances (Hz) from the centre."""
+    kernel = _kernel(step)
+    half = np.arange(len(kernel)) - 0.5 * (len(kernel) - 1)
+    return np.cos(2.0 * np.pi / sample_rate_hz * np.outer(offset_hz, half)) @ kernel
+
+
+def pencil(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_hz: float, order: int = 3) -> list[Line]:
+    """Return the lines near a frequency, strongest at the end first, by the matrix pencil of all channels together.
+
+    Growing and decaying lines are fitted as such, and lines closer than the inverse of the stretch are told apart;
+    Hua and Sarkar, IEEE Trans. ASSP 38 (1990) 814, with a truncated singular value decomposition.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n, channels)
+        Samples, the newest last.
+    centre_hz : float
+        Where to look (Hz).
+    half_band_hz : float
+        Half of the band looked at (Hz).
+    sample_rate_hz : float
+        Sampling rate (Hz).
+    order : int
+        Lines to fit.
+    """
+    slow, rate = baseband(signal, centre_hz, half_band_hz, sample_rate_hz)
+    energy = float((slow.real**2 + slow.imag**2).sum())
+    count = len(slow)
+    if count < 3 * order or energy < np.finfo(np.float64).tiny / np.finfo(np.float64).eps:
+        return []
+    slow = slow / np.sqrt(energy)
+    shifts = count // 2
+    rows = np.concatenate(
+        [np.lib.stride_tricks.sliding_window_view(slow[:, k], shifts + 1) for k in range(slow.shape[1])]
+    )
+    basis = np.linalg.svd(rows, full_matrices=False)[2][:order].T
+    poles = np.linalg.eigvals(np.linalg.lstsq(basis[:-1], basis[1:], rcond=None)[0])
+    size = np.abs(poles)
+    bound = np.exp(8.0 / count)  # beyond e^8 over the stretch a pole is a click, not a line
+    poles = poles / np.maximum(size, np.finfo(np.float64).tiny) * np.clip(size, 1.0 / bound, bound)
+    powers = poles[None, :] ** np.arange(1 - count, 1)[:, None]
+    weights = np.linalg.lstsq(powers, slow, rcond=1e-9)[0]
+    residual = slow - powers @ weights
+    explained = float(np.clip(1.0 - (residual.real**2 + residual.imag**2).sum(), 0.0, 1.0))
+    offset = np.angle(poles) * rate / (2.0 * np.pi)
+    gain = np.maximum(_kernel_gain(round(sample_rate_hz / rate), offset, sample_rate_hz), 0.05)
+    amplitude = 2.0 * np.sqrt(energy * (weights.real**2 + weights.imag**2).sum(axis=1)) / gain
+    growth = np.log(np.abs(poles)) * rate
+    order_of_strength = np.argsort(-amplitude)
+    span = len(signal) / sample_rate_hz
+    return [
+        Line(
+            frequency_hz=float(centre_hz + offset[i]),
+            amplitude=float(amplitude[i]),
+            growth=float(growth[i]),
+            explained=explained,
+            span=span,
+        )
+        for i in order_of_strength
+        if abs(offset[i]) <= half_band_hz
+    ]
+
+
+def interpolated(signal: Floats, start_hz: float, sample_rate_hz: float, rounds: int = 3) -> tuple[float, float] | None:
+    """Return frequency (Hz) and amplitude of the line near a frequency, or None when there is none within 1 / length.
+
+    Two values of the Hann spectrum half a bin to either side give the distance to the line exactly when it stands
+    alone: 1.5 (r - 1) / (r + 1), with r their ratio (Grandke, IEEE Trans. IM 32 (1983) 350, at half bins).
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n, channels)
+        Samples; the mean of a Hann window times the amplitude is returned when it changes within them.
+    start_hz : float
+        Where to start (Hz).
+    sample_rate_hz : float
+        Sampling rate (Hz).
+    rounds : int
+        Iterations.
+    """
+    count = len(signal)
+    spacing = sample_rate_hz / count
+    time = np.arange(count) - 0.5 * (count - 1)
+    windowed = signal * (2.0 / count * np.cos(np.pi * time / count) ** 2)[:, None]
+    frequency, size = start_hz, 0.0
+    for _ in range(rounds):
+        sides = np.array([frequency - 0.5 * spacing, frequency + 0.5 * spacing])
+        values = np.exp((-2j * np.pi / sample_rate_hz) * np.outer(sides, time)) @ windowed
+        below, above = np.sqrt((values.real**2 + values.imag**2).sum(axis=1))
+        if below + above == 0.0:
+            return None
+        delta = 1.5 * (above - below) / (above + below)
+        frequency += delta * spacing
+        if abs(frequency - start_hz) > spacing:
+            return None
+        size = 2.0 * max(above, below) / _hann_gain(min(abs(0.5 - abs(delta)), 0.5))
+    return float(frequency), float(size)
+
+
+def _hann_gain(bins: float) -> float:
+    """Return the Hann spectrum, 1 at its centre, at a distance in bins."""
+    return float(np.sinc(bins) / (1.0 - bins * bins))
+
+
+def refine(signal: Floats, start_hz: float, shortest: int, sample_rate_hz: float) -> tuple[float, float, float] | None:
+    """Return frequency (Hz), amplitude and span (s) from the longest end of a signal in which the line is steady.
+
+    The stretch is doubled as long as its estimate agrees with that of its newer half within half a bin.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n, channels)
+        Samples, the newest last.
+    start_hz : float
+        Frequency to start from (Hz).
+    shortest : int
+        Samples of the first stretch.
+    sample_rate_hz : float
+        Sampling rate (Hz).
+    """
+    if len(signal) < shortest:
+        return None
+    first = interpolated(signal[len(signal) - shortest :], start_hz, sample_rate_hz)
+    if first is None:
+        return None
+    best = (*first, shortest / sample_rate_hz)
+    length = shortest
+    while length < len(signal):
+        length = min(2 * length, len(signal))
+        longer = interpolated(signal[len(signal) - length :], best[0], sample_rate_hz)
+        if longer is None or abs(longer[0] - best[0]) > 0.5 * sample_rate_hz / length:
+            break
+        best = (longer[0], best[1], length / sample_rate_hz)
+    return best
