@@ -148,6 +148,19 @@ def bristle(z, velocity, friction, stiffness, h):
 
 
 @njit(cache=True, fastmath=False)
+def drive_step(g, z, new, u0, u1, u2, u3, u4, u5, u6, u7):
+    """Advance both axes by their exact step; `g` and `new` are padded to 16 columns so that the loop vectorises."""
+    z0, z1, z2, z3, z4, z5, z6, z7, z8, z9 = z[0], z[1], z[2], z[3], z[4], z[5], z[6], z[7], z[8], z[9]
+    for i in range(g.shape[1]):
+        x1 = ((g[0, i] * z0 + g[1, i] * z1) + (g[2, i] * z2 + g[3, i] * z3)) + g[4, i] * z4
+        y1 = ((g[5, i] * z5 + g[6, i] * z6) + (g[7, i] * z7 + g[8, i] * z8)) + g[9, i] * z9
+        loads = (g[12, i] * u2 + g[13, i] * u3) + (g[14, i] * u4 + g[15, i] * u5)
+        new[i] = (x1 + y1) + loads + ((g[10, i] * u0 + g[11, i] * u1) + (g[16, i] * u6 + g[17, i] * u7))
+    for i in range(10):
+        z[i] = new[i]
+
+
+@njit(cache=True, fastmath=False)
 def modal_step(omega, zeta, h, out):
     """Fill `out` with the exact step of a unit-mass mode, force linear over the step.
 
@@ -196,7 +209,7 @@ def read_surface(phase, left, ptr, target):
 
 
 @njit(cache=True, fastmath=False)
-def thrust(plant, depth, velocity, chip, stiffness, limit):
+def thrust(plant, velocity, chip, stiffness, limit):
     """Return the radial force of one tool in contact (never pulling)."""
     force = stiffness * chip + plant.cp * velocity
     if velocity > limit:
@@ -214,9 +227,11 @@ def advance(
     free = np.empty((modes, 2))
     load = np.empty((modes, 2))
     phi = np.empty(modes)
-    zn = np.empty(10)
+    zn = np.empty(drive.shape[1])
     h0 = plant.force / plant.stiffness
     n = k[STEP]
+    # views are made once: each costs a reference count
+    phase1, phase2, left1, left2 = phase[0], phase[1], left[0], left[1]
     for i in range(refs.shape[1]):
         # --- what the machine reads and commands at this sample
         ring[n & (RING - 1), 2] = z[0]
@@ -275,10 +290,10 @@ def advance(
         out[POSITION, i] = s
         out[IN_CUT, i] = in_cut
         last = (n - 1) & mask
-        out[LEFT1, i] = left[0, last]
-        out[LEFT2, i] = left[1, last]
-        out[PHASE1, i] = phase[0, last]
-        out[PHASE2, i] = phase[1, last]
+        out[LEFT1, i] = left1[last]
+        out[LEFT2, i] = left2[last]
+        out[PHASE1, i] = phase1[last]
+        out[PHASE2, i] = phase2[last]
         for j in range(plant.substeps):
             # --- where the tools are at the end of this step
             px = z[2] + h * z[3] + (z[7] + h * z[8]) * plant.cos_psi
@@ -292,8 +307,8 @@ def advance(
             f[THETA] += omega[i] * h
             u1 = f[THETA] - shift
             u2 = f[THETA]
-            r1, k[READ1] = read_surface(phase[0], left[0], k[READ1], u2 - math.pi)
-            r2, k[READ2] = read_surface(phase[1], left[1], k[READ2], u1 - math.pi)
+            r1, k[READ1] = read_surface(phase1, left1, k[READ1], u2 - math.pi)
+            r2, k[READ2] = read_surface(phase2, left2, k[READ2], u1 - math.pi)
             stiffness1 = plant.stiffness * (1.0 + plant.rake * shift)
             base1 = h0 + deeper - plant.mu * r2
             base2 = h0 + plant.setting - plant.mu * r1
@@ -318,21 +333,21 @@ def advance(
                     chip1 = base1 + q
                     chip2 = base2 - q
                     if chip1 > 0.0:
-                        fr1 = thrust(plant, 0.0, qd + deeper_rate, chip1, stiffness1, limit) + noise1
+                        fr1 = thrust(plant, qd + deeper_rate, chip1, stiffness1, limit) + noise1
                     if chip2 > 0.0:
-                        fr2 = thrust(plant, 0.0, -qd, chip2, plant.stiffness, limit) + noise2
+                        fr2 = thrust(plant, -qd, chip2, plant.stiffness, limit) + noise2
             for m in range(modes):
                 for a in range(2):
                     bar[m, a] = free[m, a] + step[m, a, 3] * load[m, a] * (fr2 - fr1)
             # --- what the tools leave
             now = n & mask
-            phase[0, now] = u1
-            phase[1, now] = u2
-            left[0, now] = 0.0
-            left[1, now] = 0.0
+            phase1[now] = u1
+            phase2[now] = u2
+            left1[now] = 0.0
+            left2[now] = 0.0
             if in_cut:
-                left[0, now] = chip1 - h0 + plant.mu * r2 if chip1 > 0.0 else plant.mu * r2 - h0
-                left[1, now] = chip2 - h0 + plant.mu * r1 if chip2 > 0.0 else plant.mu * r1 - h0
+                left1[now] = chip1 - h0 + plant.mu * r2 if chip1 > 0.0 else plant.mu * r2 - h0
+                left2[now] = chip2 - h0 + plant.mu * r1 if chip2 > 0.0 else plant.mu * r1 - h0
                 if chip1 > 0.0:
                     ft1 = plant.tangential_force * stiffness1 / plant.stiffness
                     ft1 = max(ft1 + plant.tangential_ratio * stiffness1 * (chip1 - h0), 0.0)
@@ -357,22 +372,7 @@ def advance(
             if plant.friction_y > 0.0:
                 f[BRISTLE_Y] = bristle(f[BRISTLE_Y], z[6], plant.friction_y, plant.presliding_y, h)
                 rub_y = plant.presliding_y * f[BRISTLE_Y]
-            for a in range(10):
-                zn[a] = (
-                    drive[10, a] * vx
-                    + drive[11, a] * vy
-                    + drive[12, a] * f[QX]
-                    + drive[13, a] * f[QY]
-                    + drive[14, a] * qx
-                    + drive[15, a] * qy
-                    + drive[16, a] * rub_x
-                    + drive[17, a] * rub_y
-                )
-            for b in range(10):
-                for a in range(10):
-                    zn[a] += drive[b, a] * z[b]
-            for a in range(10):
-                z[a] = zn[a]
+            drive_step(drive, z, zn, vx, vy, f[QX], f[QY], qx, qy, rub_x, rub_y)
             f[FR1], f[FT1], f[FR2], f[QX], f[QY] = fr1, ft1, fr2, qx, qy
             n += 1
         if not (abs(q) < plant.max_amplitude):

@@ -147,7 +147,7 @@ class Simulator:
         self.step = 1.0 / (sample_rate_hz * substeps)
         grid = np.arange(0.0, workpiece.length + 0.5 * _TABLE_STEP, _TABLE_STEP)
         self._table = workpiece.table(np.minimum(grid, workpiece.length))
-        self._drive = drives.transition(self.step)
+        self._drive = np.pad(drives.transition(self.step), ((0, 0), (0, 6)))
         self._controls = tuple(
             _control(axis, gains, sample_rate_hz)
             for axis, gains in ((drives.x1, drives.x1_control), (drives.y1, drives.y1_control))
