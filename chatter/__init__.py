@@ -14,7 +14,8 @@ _EXPORTS = {
     "Event": "chatter.recording",
     "RecordingVerdict": "chatter.recording",
     "detect_recording": "chatter.recording",
-    "NominalFeedDrive": "chatter.observers.load_side",
+    "NominalFeedDrive": "chatter.observers.nominal",
+    "NominalTurret": "chatter.observers.nominal",
     "SlidingDFT": "chatter.sliding_dft",
     "butterworth": "chatter.filters",
 }

@@ -18,6 +18,7 @@ import numpy as np
 from numba import njit
 
 FINE = -1
+LARGEST = np.finfo(np.float64).max
 
 
 @njit(cache=True, fastmath=False)
@@ -26,7 +27,7 @@ def first_non_finite(block):
     bad = 0
     flat = block.reshape(block.size)
     for i in range(flat.size):
-        bad |= flat[i] - flat[i] != 0.0
+        bad |= not abs(flat[i]) <= LARGEST
     if bad:
         for i in range(flat.size):
             if not np.isfinite(flat[i]):

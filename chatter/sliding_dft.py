@@ -37,9 +37,7 @@ def twiddles(frequencies_hz: NDArray[np.float64], samples: ArrayLike, sample_rat
     angle = 2.0 * np.pi * (cycles - 0.25 * quarter)
     cosine, sine = np.cos(angle), np.sin(angle)
     turn = quarter.astype(np.int64) % 4
-    return np.stack(
-        [np.choose(turn, [cosine, -sine, -cosine, sine]), np.choose(turn, [sine, cosine, -sine, -cosine])]
-    )
+    return np.stack([np.choose(turn, [cosine, -sine, -cosine, sine]), np.choose(turn, [sine, cosine, -sine, -cosine])])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,11 +124,27 @@ class SlidingDFT:
         hop = positive_integer("hop", hop)
         return self._advance(samples, hop, samples.shape[0] // hop)
 
+    def power(self, block: ArrayLike, hop: int = 1) -> NDArray[np.float64]:
+        """Take a block and return abs(X)**2 after each hop-th of its samples, shape (n // hop, channels, bins).
+
+        Parameters
+        ----------
+        block : array_like, shape (n,) or (n, channels)
+            New samples; those after the last whole hop are taken in as well.
+        hop : int
+            Samples from one spectrum to the next.
+        """
+        spectra = self.spectra(block, hop)
+        return spectra.real**2 + spectra.imag**2
+
+    @property
+    def seen(self) -> int:
+        """Samples of the stream so far."""
+        return self._seen
+
     def _advance(self, samples: NDArray[np.float64], hop: int, spectra: int) -> NDArray[np.complex128]:
         out = np.empty((spectra, self.channels, self.frequencies_hz.size), dtype=np.complex128)
-        bad = _kernels.sliding_dft(
-            samples, hop, self._ring, self._state, self._tables, self._span, self._position, out
-        )
+        bad = _kernels.sliding_dft(samples, hop, self._ring, self._state, self._tables, self._span, self._position, out)
         if bad >= 0:
             reject_non_finite(samples, bad, self._seen)
         self._seen += samples.shape[0]
@@ -150,7 +164,10 @@ class SlidingDFT:
     def snapshot(self) -> SlidingDFTState:
         """Return a copy of the whole state."""
         return SlidingDFTState(
-            seen=self._seen, position=self._position, ring=self._ring.copy(), sums=self._state[:2].copy()
+            seen=self._seen,
+            position=self._position,
+            ring=self._ring.copy(),
+            sums=self._state[:2, ..., : self.frequencies_hz.size].copy(),
         )
 
     def restore(self, state: SlidingDFTState) -> None:
@@ -161,11 +178,12 @@ class SlidingDFT:
         state : SlidingDFTState
             What `snapshot` of an object with the same window, channels and frequencies returned.
         """
-        if state.ring.shape != self._ring.shape or state.sums.shape != self._state[:2].shape:
+        sums = self._state[:2, ..., : self.frequencies_hz.size]
+        if state.ring.shape != self._ring.shape or state.sums.shape != sums.shape:
             raise ValueError(
-                f"state must be of (window, channels) {self._ring.shape} and sums {self._state[:2].shape},"
+                f"state must be of (window, channels) {self._ring.shape} and sums {sums.shape},"
                 f" got {state.ring.shape} and {state.sums.shape}"
             )
         self._seen, self._position = state.seen, state.position
         self._ring[:] = state.ring
-        self._state[:2] = state.sums
+        sums[:] = state.sums
