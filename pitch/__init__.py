@@ -4,6 +4,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pitch.advice import advise
+    from pitch.choice import PlannerConfig
     from pitch.geometry import (
         ArcPosition,
         TurretOffset,
@@ -13,12 +15,14 @@ if TYPE_CHECKING:
         turret_offset,
     )
     from pitch.optimum import optimal_pitch_difference, pitch_difference_for_phase, regenerative_phase
-    from pitch.planner import Decision, Planner, PlannerConfig, Situation
+    from pitch.planner import Planner
+    from pitch.situation import Cause, Decision, Situation
     from pitch.stability import OneModeProcess, StabilityUnresolved, critical_stiffness, rightmost_root, roots
     from pitch.trajectory import ShiftTrajectory, TrajectoryLimits
 
 __all__ = [
     "ArcPosition",
+    "Cause",
     "Decision",
     "OneModeProcess",
     "Planner",
@@ -28,6 +32,7 @@ __all__ = [
     "StabilityUnresolved",
     "TrajectoryLimits",
     "TurretOffset",
+    "advise",
     "arc_position",
     "critical_stiffness",
     "offset_from_slides",
@@ -41,11 +46,14 @@ __all__ = [
 ]
 
 _HOME = {
+    "advice": ("advise",),
+    "choice": ("PlannerConfig",),
     "geometry": (
         "ArcPosition", "TurretOffset", "arc_position", "offset_from_slides", "slide_set_points", "turret_offset",
     ),
     "optimum": ("optimal_pitch_difference", "pitch_difference_for_phase", "regenerative_phase"),
-    "planner": ("Decision", "Planner", "PlannerConfig", "Situation"),
+    "planner": ("Planner",),
+    "situation": ("Cause", "Decision", "Situation"),
     "stability": ("OneModeProcess", "StabilityUnresolved", "critical_stiffness", "rightmost_root", "roots"),
     "trajectory": ("ShiftTrajectory", "TrajectoryLimits"),
 }  # fmt: skip

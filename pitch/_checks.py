@@ -1,6 +1,7 @@
 """The rules that arguments of this package obey, with one wording for all of them."""
 
 import math
+from operator import index
 from typing import Any
 
 import numpy as np
@@ -36,10 +37,13 @@ def within(name: str, value: Any, low: float, high: float) -> float:
 
 def whole(name: str, value: Any, low: int) -> int:
     """Return `value` as an int, or raise ValueError if it is not a whole number of at least `low`."""
-    number = finite(name, value)
-    if number != int(number) or number < low:
-        raise ValueError(f"{name} must be a whole number >= {low}, got {value}")
-    return int(number)
+    try:
+        number = index(value)
+    except TypeError:
+        number = low - 1
+    if number < low:
+        raise ValueError(f"{name} must be a whole number >= {low}, got {value!r}")
+    return number
 
 
 def finite_array(name: str, value: Any) -> NDArray[np.float64]:
