@@ -14,27 +14,37 @@ from chatter._kernels import FINE, biquads, first_non_finite
 
 
 @njit(cache=True, fastmath=False)
-def _to_counts(signals, resolution, origin, start, buffer, reach):
-    """Append four signals to buffer as counts from their first sample (as travel where the resolution is 0)."""
-    for j in range(4):
-        position, column = signals[j // 2], j % 2
-        q = resolution[j]
-        if start:
-            first = position[0, column]
-            origin[j] = np.rint(first / q) if q > 0.0 else first
-            buffer[:reach, j] = 0.0
-        for i in range(position.shape[0]):
-            y = position[i, column]
-            buffer[reach + i, j] = (np.rint(y / q) if q > 0.0 else y) - origin[j]
+def _to_counts(position, column, q, start, origin, counts):
+    """Write one signal as counts from its first sample (as travel where the resolution is 0); return that origin."""
+    if start:
+        origin = np.rint(position[0, column] / q) if q > 0.0 else position[0, column]
+    for i in range(position.shape[0]):
+        y = position[i, column]
+        counts[i] = (np.rint(y / q) if q > 0.0 else y) - origin
+    return origin
 
 
 @njit(cache=True, fastmath=False)
-def _delay(buffer, column, row, first, weights):
-    """Return one signal read ``first`` samples before a row, between samples where there are weights to do so."""
-    total = 0.0
-    for i in range(weights.size):
-        total += weights[i] * buffer[row - first - i, column]
-    return total
+def _delay(counts, first, weights, aligned):
+    """Write counts as they were ``first`` samples before, between samples where there are weights to do so."""
+    newest = counts.size - aligned.size - first
+    for i in range(aligned.size):
+        aligned[i] = weights[0] * counts[newest + i]
+    for j in range(1, weights.size):
+        for i in range(aligned.size):
+            aligned[i] += weights[j] * counts[newest - j + i]
+
+
+@njit(cache=True, fastmath=False)
+def _balance(aligned, gains, still, out):
+    """Add to both balances, shape (n, 2), what one aligned signal of n + 2 samples weighs in them."""
+    for i in range(out.shape[0]):
+        y0, y1, y2 = aligned[i + 2], aligned[i + 1], aligned[i]
+        d1, d2 = y0 - y2, (y0 - y1) - (y1 - y2)
+        if i < still:
+            d1, d2 = 0.0, 0.0
+        out[i, 0] += gains[0, 0] * y1 + gains[0, 1] * d1 + gains[0, 2] * d2
+        out[i, 1] += gains[1, 0] * y1 + gains[1, 1] * d1 + gains[1, 2] * d2
 
 
 @njit(cache=True, fastmath=False)
@@ -42,30 +52,26 @@ def residuals(motor, stage, seen, resolution, first, weights, gains, origin, his
     """Write the force balance of both stages, one sample behind the aligned signals.
 
     Parameters: motor, stage and out (n, 2); seen: samples before this block; resolution, first (4,) and weights
-    (4, taps) of the signals x motor, y motor, x stage, y stage; gains (2, 4, 3): what level, d1 and d2 of each signal
-    add to each balance; origin (4,) and history (reach, 4): state; buffer (reach + n, 4): scratch.
+    (4, taps) of the signals x motor, y motor, x stage, y stage; gains (4, 2, 3): what level, d1 and d2 of each signal
+    add to each balance; origin (4,) and history (4, reach): state; buffer (2, reach + n): scratch.
     """
     bad, other = first_non_finite(motor), first_non_finite(stage)
     if bad != FINE or other != FINE:
         return other if bad == FINE or FINE < other < bad else bad
-    if motor.shape[0] == 0:
+    samples, reach = motor.shape[0], history.shape[1]
+    if samples == 0:
         return FINE
-    reach = history.shape[0]
-    buffer[:reach] = history
-    _to_counts((motor, stage), resolution, origin, seen == 0, buffer, reach)
-    for i in range(motor.shape[0]):
-        valid = seen + i >= reach
-        out[i, 0], out[i, 1] = 0.0, 0.0
-        for j in range(4):
-            y0 = _delay(buffer, j, reach + i, first[j], weights[j])
-            y1 = _delay(buffer, j, reach + i - 1, first[j], weights[j])
-            y2 = _delay(buffer, j, reach + i - 2, first[j], weights[j])
-            d1, d2 = y0 - y2, (y0 - y1) - (y1 - y2)
-            for a in range(2):
-                out[i, a] += gains[a, j, 0] * y1
-                if valid:
-                    out[i, a] += gains[a, j, 1] * d1 + gains[a, j, 2] * d2
-    history[:] = buffer[motor.shape[0] :]
+    out[:] = 0.0
+    counts, aligned = buffer[0], buffer[1, : samples + 2]
+    for j in range(4):
+        if seen == 0:
+            history[j] = 0.0
+        counts[:reach] = history[j]
+        signal = motor if j < 2 else stage
+        origin[j] = _to_counts(signal, j % 2, resolution[j], seen == 0, origin[j], counts[reach:])
+        history[j] = counts[samples:]
+        _delay(counts, first[j], weights[j], aligned)
+        _balance(aligned, gains[j], reach - seen, out)
     return FINE
 
 

@@ -57,11 +57,11 @@ class LoadSideObserver:
             [x1.motor_resolution, y1.motor_resolution, x1.stage_resolution, y1.stage_resolution]
         )
         self._gains = balance_gains(turret, self.sample_rate_hz)
-        self._gains *= np.where(self._resolution > 0.0, self._resolution, 1.0)[:, None]
+        self._gains *= np.where(self._resolution > 0.0, self._resolution, 1.0)[:, None, None]
         self._steady = steady_state(self.sections)
         self._turn = turret.force_from_loads()
         self._origin = np.zeros(4)
-        self._history = np.zeros((self._alignment.reach + 2, 4))
+        self._history = np.zeros((4, self._alignment.reach + 2))
         self._delays = np.zeros((2, len(self.sections), 2))
         self._idling = np.zeros(2)
         self._seen = 0
@@ -82,7 +82,7 @@ class LoadSideObserver:
         if motor.shape != stage.shape:
             raise ValueError(f"stage_position must be of the shape of motor_position {motor.shape}, got {stage.shape}")
         out, residual = np.empty_like(motor), np.empty_like(motor)
-        buffer = np.empty((len(self._history) + len(motor), 4))
+        buffer = np.empty((2, self.first_valid_sample + len(motor)))
         first, weights, _ = self._alignment
         bad = _kernels.residuals(
             motor, stage, self._seen, self._resolution, first, weights, self._gains,
@@ -100,7 +100,7 @@ class LoadSideObserver:
     @property
     def first_valid_sample(self) -> int:
         """Index of the first sample whose balance rests on measured samples only; before it the springs alone speak."""
-        return len(self._history)
+        return self._history.shape[1]
 
     @property
     def latency(self) -> float:
@@ -167,7 +167,7 @@ class LoadSideObserver:
 
 
 def balance_gains(turret: NominalTurret, sample_rate_hz: float) -> Floats:
-    """Return what level, first and second difference of each position add to each stage balance, shape (2, 4, 3).
+    """Return what level, first and second difference of each position add to each stage balance, shape (4, 2, 3).
 
     E_t = K W (x_m - x_t) + C_k D (x_m - x_t) - M_t S x_t - C_t D x_t - m_c cos(psi) S x_t(other slide), with the
     three-tap kernel S = (1, -2, 1)/T^2, D = (1, 0, -1)/2T, W = (1, 10, 1)/12 = level + S T^2/12 at the middle sample.
@@ -180,13 +180,13 @@ def balance_gains(turret: NominalTurret, sample_rate_hz: float) -> Floats:
         Sampling rate (Hz).
     """
     rate = sample_rate_hz
-    gains = np.zeros((2, 4, 3))
+    gains = np.zeros((4, 2, 3))
     for axis, drive in enumerate(turret.drives):
         stiffness, damping = drive.screw_stiffness, 0.5 * rate * drive.screw_damping
         spring = np.array([stiffness, damping, stiffness / 12.0])
         gains[axis, axis] = spring
-        gains[axis, 2 + axis] = -spring
-        gains[axis, 2 + axis, 1] -= 0.5 * rate * drive.stage_damping
-        gains[axis, 2 + axis, 2] -= rate**2 * drive.stage_mass
-        gains[axis, 3 - axis, 2] = -(rate**2) * turret.cross_mass
+        gains[2 + axis, axis] = -spring
+        gains[2 + axis, axis, 1] -= 0.5 * rate * drive.stage_damping
+        gains[2 + axis, axis, 2] -= rate**2 * drive.stage_mass
+        gains[3 - axis, axis, 2] = -(rate**2) * turret.cross_mass
     return gains
