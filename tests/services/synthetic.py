@@ -49,7 +49,7 @@ def cut_series(time_s, amplitude_um, shift_deg, entry_s, seed, roughness_um=1.5)
         z_mm=6.0 + FEED_MM_S * np.maximum(time_s - entry_s, 0.0),
         in_cut=inside,
         ra_position_mm=ra_position,
-        ra_um=roughness_um + 0.22 * np.interp(entry_s + (ra_position - 6.0) / FEED_MM_S, time_s, amplitude_um)
+        ra_um=roughness_um + 0.083 * np.interp(entry_s + (ra_position - 6.0) / FEED_MM_S, time_s, amplitude_um)
         if n else np.zeros(0),
     )
 
