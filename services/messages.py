@@ -54,6 +54,8 @@ class SampleBlock(Message, frozen=True, kw_only=True):
     in_cut: bool
     spindle_speed_rpm: float
     diameter_mm: float
+    guard_state: GuardState
+    session: str
 
 
 class MachineState(Message, frozen=True, kw_only=True):
@@ -98,7 +100,8 @@ class ChatterReport(Message, frozen=True, kw_only=True):
 
     first_sample: int
     samples: int
-    session: str = ""
+    guard_state: GuardState
+    session: str
     state: str
     indicator: float
     limit: float

@@ -6,6 +6,7 @@ import dataclasses
 import difflib
 import math
 import re
+import typing
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
@@ -29,16 +30,23 @@ class Section:
         read under their own name as they are (words, whole numbers, ratios).
     given
         Fields that the caller fills in (objects built from other tables).
+    renamed
+        Fields that a file calls by another word (`spindle_hz` is a `spindle_speed` in rpm there).
     """
 
     kind: type[Any]
     units: Mapping[str, str]
     given: tuple[str, ...] = ()
+    renamed: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
     def keys(self) -> dict[str, str]:
         """Return TOML key -> field name."""
         names = [f.name for f in dataclasses.fields(self.kind) if f.name not in self.given]
-        return {f"{name}_{self.units[name]}" if name in self.units else name: name for name in names}
+        return {self._key(name): name for name in names}
+
+    def _key(self, name: str) -> str:
+        shown = self.renamed.get(name, name)
+        return f"{shown}_{self.units[name]}" if name in self.units else shown
 
 
 def read_section(table: Mapping[str, Any], where: str, section: Section, **given: Any) -> Any:
@@ -64,9 +72,12 @@ def read_section(table: Mapping[str, Any], where: str, section: Section, **given
     for key in table:
         if key not in keys:
             raise InputError(f"{where}.{key}", table[key], f"a key of [{where}]" + _hint(key, keys))
-    types = {f.name: str(f.type) for f in dataclasses.fields(section.kind)}
+    types = typing.get_type_hints(section.kind)
     values: dict[str, Any] = {}
     for key, name in keys.items():
+        if key not in table and type(None) in typing.get_args(types[name]):
+            values[name] = None
+            continue
         if key not in table:
             raise InputError(f"{where}.{key}", None, f"given in [{where}]")
         values[name] = _value(table[key], f"{where}.{key}", types[name], section.units.get(name))
@@ -76,24 +87,28 @@ def read_section(table: Mapping[str, Any], where: str, section: Section, **given
         raise _translated(error, table, where, keys) from error
 
 
-def _value(raw: Any, field: str, kind: str, unit: str | None) -> Any:
-    if kind == "bool":
-        if not isinstance(raw, bool):
-            raise InputError(field, raw, "true or false")
+def _value(raw: Any, field: str, kind: Any, unit: str | None) -> Any:
+    choices = typing.get_args(kind) if typing.get_origin(kind) is typing.Literal else ()
+    if choices and raw not in choices:
+        raise InputError(field, raw, f"one of {', '.join(repr(choice) for choice in choices)}")
+    if choices:
         return raw
-    if kind.startswith(("str", "Literal")):
-        if not isinstance(raw, str):
-            raise InputError(field, raw, "a word in quotes")
-        return raw
-    if kind == "int":
-        if isinstance(raw, bool) or not isinstance(raw, int):
-            raise InputError(field, raw, "a whole number")
-        return raw
-    if kind.startswith("tuple"):
-        if not isinstance(raw, list) or not raw:
-            raise InputError(field, raw, "a list of numbers in square brackets")
-        return tuple(_number(item, field, unit) for item in raw)
+    for exact, rule in ((bool, "true or false"), (str, "a text in quotes"), (int, "a whole number")):
+        if kind is exact and type(raw) is not exact:
+            raise InputError(field, raw, rule)
+        if kind is exact:
+            return raw
+    if typing.get_origin(kind) is tuple:
+        return _numbers(raw, field, kind, unit)
     return _number(raw, field, unit)
+
+
+def _numbers(raw: Any, field: str, kind: Any, unit: str | None) -> tuple[float, ...]:
+    items = typing.get_args(kind)
+    count = None if Ellipsis in items else len(items)
+    if not isinstance(raw, list) or not raw or (count is not None and len(raw) != count):
+        raise InputError(field, raw, f"a list of {count or 'some'} numbers in square brackets")
+    return tuple(_number(item, field, unit) for item in raw)
 
 
 def _number(raw: Any, field: str, unit: str | None) -> float:
@@ -117,6 +132,12 @@ def _translated(error: ValueError, table: Mapping[str, Any], where: str, keys: M
     key = next((key for key, field in keys.items() if field == name), "")
     if not match or not key:
         return InputError(where, None, str(error))
-    unit = key[len(name) + 1 :]
-    suffix = f" (rule in SI units; this key is in {unit})" if unit and SI.get(unit, 1.0) != 1.0 else ""
+    unit = next((unit for unit in sorted(SI, key=len, reverse=True) if key.endswith("_" + unit)), "")
+    suffix = f" (the rule is in SI units, this key in {unit})" if unit and SI[unit] != 1.0 else ""
     return InputError(f"{where}.{key}", table.get(key), match.group(2) + suffix)
+
+
+def closest(word: str, known: list[str]) -> str:
+    """Return a hint such as `; did you mean 'thesis-652'?`, or nothing."""
+    near = difflib.get_close_matches(word, known, n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -1,0 +1,123 @@
+"""Verbs that cut: `run`, `demo` and `simulate`."""
+
+from __future__ import annotations
+
+import math
+import pathlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import typer
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from services.cli.app import INTERRUPTED, JsonFlag, OutDir, Seed, app, console, emit, positive, require
+from services.closed_loop import Outcome, run_case
+from services.clock import WallClock
+from services.config import Case, load_case
+
+CaseName = Annotated[str, typer.Argument(help="Name of a shipped case, or path of a TOML file.")]
+ArmAfter = Annotated[float, typer.Option("--arm-after-s", help="Arm the guard this late: lets the chatter grow first (s).")]
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Any]:
+    """Show a bar on a terminal, nothing elsewhere."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task(what, total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@app.command()
+def run(
+    case: CaseName = "thesis-652",
+    seed: Seed = None,
+    out: OutDir = None,
+    arm_after_s: ArmAfter = 0.0,
+    as_json: JsonFlag = False,
+) -> int:
+    """Run the closed loop of a case in lockstep in one process, as fast as it can."""
+    return _loop(case, seed, out, arm_after_s, as_json)
+
+
+@app.command()
+def demo(
+    case: CaseName = "thesis-652",
+    seed: Seed = None,
+    out: OutDir = None,
+    arm_after_s: ArmAfter = 0.0,
+    as_json: JsonFlag = False,
+) -> int:
+    """Show a case from chatter to silence, with a report to open in a browser."""
+    return _loop(case, seed, out or pathlib.Path("runs") / pathlib.Path(case).stem, arm_after_s, as_json)
+
+
+def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: float, as_json: bool) -> int:
+    case = load_case(name)
+    longest = case.settings.air_time + case.settings.cut_time
+    require("arm-after-s", arm_after_s, f"in 0..{longest:g} s, the length of the case", 0 <= arm_after_s <= longest)
+    used = case.settings.seed if seed is None else seed
+    if not as_json:
+        armed = "at once" if arm_after_s == 0 else f"after {arm_after_s:g} s"
+        console.print(f"{case.name}: {case.settings.title}\nseed {used}; the guard is armed {armed}", highlight=False)
+    with progress_bar(case.name) as progress:
+        outcome = run_case(case, used, WallClock(), arm_after_s=arm_after_s, progress=progress)
+        written = _write(outcome, out)
+    text = words(outcome)
+    if written:
+        text += "".join(f"\nwrote {path}" for path in written)
+    emit({**outcome.summary.as_dict(), "written": written}, text, as_json)
+    return INTERRUPTED if outcome.record.interrupted else 0
+
+
+def _write(outcome: Outcome, out: pathlib.Path | None) -> list[pathlib.Path]:
+    if out is None:
+        return []
+    from services.report import write_all  # noqa: PLC0415
+
+    out.mkdir(parents=True, exist_ok=True)
+    return write_all(outcome.record, outcome.summary, out)
+
+
+def words(outcome: Outcome) -> str:
+    """Return what happened, as a machinist would say it."""
+    from services.sentences import verdict  # noqa: PLC0415
+
+    return verdict(outcome.record, outcome.summary)
+
+
+@app.command()
+def simulate(
+    case: CaseName = "thesis-652",
+    shift_deg: Annotated[float, typer.Option("--shift-deg", help="Shift at which turret 1 stands (deg).")] = 0.0,
+    feed_length_mm: Annotated[
+        float | None, typer.Option("--feed-length-mm", help="Length of the cut (mm); default: the case's.")
+    ] = None,
+    seed: Seed = None,
+    out: OutDir = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Cut without control: what the bar does at one shift."""
+    from services.open_cut import OpenCut, cut_open  # noqa: PLC0415
+
+    config = load_case(case)
+    limit = math.degrees(config.limits.shift)
+    require("shift-deg", shift_deg, f"within +-{limit:g} deg, the limit of the case", abs(shift_deg) <= limit)
+    length = _feed_length(config, feed_length_mm)
+    used = config.settings.seed if seed is None else seed
+    with progress_bar(case):
+        result: OpenCut = cut_open(config, used, math.radians(shift_deg), length)
+    answer = result.as_dict() | {"case": config.name, "seed": used, "shift_deg": shift_deg}
+    if out is not None:
+        answer["written"] = result.write(out)
+    emit(answer, result.words(), as_json)
+
+
+def _feed_length(case: Case, length_mm: float | None) -> float:
+    cutting, settings = case.cutting, case.settings
+    if length_mm is None:
+        return cutting.feed_per_rev * cutting.spindle_hz * settings.cut_time
+    room = 1e3 * (case.workpiece.length - settings.start_position)
+    positive("feed-length-mm", length_mm, "mm")
+    return 1e-3 * require("feed-length-mm", length_mm, f"at most {room:g} mm, what the bar has", length_mm <= room)

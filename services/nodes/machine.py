@@ -1,0 +1,187 @@
+"""The machine: guard, path of the shift and plant behind the same messages that a real lathe would exchange."""
+
+from __future__ import annotations
+
+import math
+import secrets
+from typing import Any
+
+import numpy as np
+
+from pitch import ShiftTrajectory, slide_set_points
+from services.config import Case
+from services.guard import Conditions, Guard
+from services.messages import BLOCK_S, Event, MachineState, Message, OperatorRequest, SampleBlock, Tick, Truth, TurretCommand
+from turning_sim import PlantBlock, Simulator
+
+SOURCE = "machine"
+
+
+def make_plant(case: Case, seed: int, initial_shift: float = 0.0) -> Simulator:
+    """Return the plant of a case at rest, before its first sample."""
+    settings = case.settings
+    return Simulator(
+        workpiece=case.workpiece,
+        cutting=case.cutting,
+        drives=case.drives,
+        sample_rate_hz=settings.sample_rate_hz,
+        start_position=settings.start_position,
+        air_time=settings.air_time,
+        seed=seed,
+        initial_shift=initial_shift,
+    )
+
+
+class MachineNode:
+    """Answers each tick with one block of servo samples, its state, the truth, and what happened.
+
+    Parameters
+    ----------
+    case
+        The case.
+    seed
+        Of the plant's noise.
+    run
+        Identifier of the run.
+    """
+
+    subscribes = (Tick, TurretCommand, OperatorRequest)
+
+    def __init__(self, case: Case, seed: int, run: str) -> None:
+        self.plant = make_plant(case, seed)
+        self._case, self._run = case, run
+        self._rate = case.settings.sample_rate_hz
+        self._samples = round(BLOCK_S * self._rate)
+        self._guard = Guard(
+            case.limits, run=run, controller="controller", operator="operator", token=lambda: secrets.token_hex(8)
+        )
+        self._path = ShiftTrajectory(case.path, self._rate)
+        self._speed = case.cutting.spindle_hz
+        self._measured = np.zeros(3)
+        self._in_cut = False
+        self._events = 0
+
+    def prepare(self) -> None:
+        """Compile the kernels."""
+        self.plant.prepare()
+
+    def handle(self, message: Tick | TurretCommand | OperatorRequest) -> list[Message]:
+        """Advance by one block, or take a command or request."""
+        if isinstance(message, Tick):
+            return self._block(message.block)
+        if isinstance(message, TurretCommand):
+            self._guard.command(message, self.plant.sample)
+        else:
+            self._guard.request(message)
+        return self._notices(message.sequence)
+
+    def _block(self, number: int) -> list[Message]:
+        first, n, diameter = self.plant.sample, self._samples, self.plant.diameter
+        plan = self._guard.begin_block(
+            first,
+            n,
+            Conditions(
+                in_cut=self._in_cut,
+                homed=True,
+                feed_hold=False,
+                spindle_hz=self._speed,
+                diameter=diameter,
+                measured=self._measured,
+            ),
+        )
+        shift = self._follow(plan.target, n)
+        x1, y1 = slide_set_points(shift, diameter, self._case.drives.axis_angle)
+        checked = self._guard.check(shift, x1, y1)
+        plant = self.plant.advance(checked.x1, checked.y1)
+        self._measured = np.array([plant.shift[-1], plant.x1_stage_position[-1], plant.y1_stage_position[-1]])
+        self._in_cut = bool(plant.in_cut[-1])
+        return [*self._state(number, plant), self._servo(number, plant), self._truth(number, plant), *self._notices(number)]
+
+    def _follow(self, target: float | None, n: int) -> np.ndarray:
+        """Return the set points of the shift (rad) towards the target, or at rest where the guard stands."""
+        if target is None:
+            if self._path.moving or self._path.target != self._guard.shift:
+                self._path = ShiftTrajectory(self._case.path, self._rate, self._guard.shift)
+        elif target != self._path.target:
+            self._path.retarget(target)
+        return self._path.advance(n)
+
+    def _header(self, number: int) -> dict[str, Any]:
+        return {"run": self._run, "source": SOURCE, "sequence": number}
+
+    def _servo(self, number: int, plant: PlantBlock) -> SampleBlock:
+        return SampleBlock(
+            **self._header(number),
+            first_sample=plant.first_sample,
+            sample_rate_hz=plant.sample_rate_hz,
+            x1_thrust_n=plant.x1_thrust,
+            x1_motor_position_m=plant.x1_motor_position,
+            x1_stage_position_m=plant.x1_stage_position,
+            y1_thrust_n=plant.y1_thrust,
+            y1_motor_position_m=plant.y1_motor_position,
+            y1_stage_position_m=plant.y1_stage_position,
+            dx1_um=plant.dx1 * 1e6,
+            dy1p_um=plant.dy1p * 1e6,
+            shift_applied_deg=math.degrees(plant.shift[-1]),
+            moving=self._guard.moving,
+            in_cut=bool(plant.in_cut.all()),
+            spindle_speed_rpm=60.0 * self._speed,
+            diameter_mm=1e3 * self.plant.diameter,
+            guard_state=self._guard.state,
+            session=self._guard.session,
+        )
+
+    def _state(self, number: int, plant: PlantBlock) -> list[Message]:
+        guard = self._guard
+        state = MachineState(
+            **self._header(number),
+            sample=plant.first_sample + self._samples - 1,
+            spindle_speed_rpm=60.0 * self._speed,
+            spindle_angle_rad=float(plant.spindle_angle[-1] % (2.0 * math.pi)),
+            z_mm=1e3 * float(plant.tool_position[-1]),
+            feed_mm_per_rev=1e3 * self._case.cutting.feed_per_rev,
+            diameter_mm=1e3 * self.plant.diameter,
+            override_percent=100.0,
+            in_cut=self._in_cut,
+            homed=True,
+            feed_hold=guard.feed_hold_requested,
+            tool=1,
+            guard_state=guard.state,
+            session=guard.session,
+            shift_requested_deg=math.degrees(guard.requested),
+            shift_target_deg=math.degrees(guard.target),
+            shift_applied_deg=math.degrees(plant.shift[-1]),
+            slide_x1_um=1e6 * float(plant.x1_stage_position[-1]),
+            slide_y1_um=1e6 * float(plant.y1_stage_position[-1]),
+            commands_accepted=guard.accepted,
+            commands_rejected=guard.commands_rejected,
+            commands_late=guard.late,
+            reason=guard.reason,
+        )
+        return [state]
+
+    def _truth(self, number: int, plant: PlantBlock) -> Truth:
+        return Truth(
+            **self._header(number),
+            first_sample=plant.first_sample,
+            sample_rate_hz=plant.sample_rate_hz,
+            vibration_um=plant.vibration * 1e6,
+            bar_displacement_um=plant.bar_displacement * 1e6,
+            tool_radial_um=(plant.bar_displacement - plant.vibration) * 1e6,
+            force_x1_n=plant.force_x1,
+            force_y1p_n=plant.force_y1p,
+            z_mm=plant.tool_position * 1e3,
+            in_cut=bool(plant.in_cut[-1]),
+        )
+
+    def _notices(self, cause: int) -> list[Message]:
+        events: list[Message] = []
+        for notice in self._guard.notices():
+            events.append(
+                Event(
+                    run=self._run, source=SOURCE, sequence=self._events, cause=cause,
+                    sample=notice.sample, kind=notice.kind, text=notice.text,
+                )  # fmt: skip
+            )
+            self._events += 1
+        return events

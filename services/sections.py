@@ -1,0 +1,282 @@
+"""The tables of a case file: which object each becomes, and in which unit each key is written."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from services.errors import InputError
+from services.toml_section import Section, read_section
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CaseSettings:
+    """How a case is run and judged (SI).
+
+    Attributes
+    ----------
+    title
+        One line for people.
+    seed
+        Of every random number unless the command line gives another.
+    machine
+        Name of the machine in the keys of the bus.
+    sample_rate_hz
+        Of servo and observers.
+    force_cutoff_hz
+        Low-pass of the force estimate.
+    start_position, air_time, cut_time
+        Tools from the tip at entry (m), time in air before it and time in the cut after it (s).
+    reference_chatter_hz
+        Predicted chatter frequency: nominal phases refer to it, and the judged band lies about it.
+    threshold
+        Fraction of the feed per tool at which vibration counts as chatter.
+    apply_after_blocks, expires_after_blocks
+        When a command takes effect and when it is void, in blocks after the one that caused it.
+    """
+
+    title: str
+    seed: int
+    machine: str
+    sample_rate_hz: float
+    force_cutoff_hz: float
+    start_position: float
+    air_time: float
+    cut_time: float
+    reference_chatter_hz: float
+    threshold: float
+    apply_after_blocks: int
+    expires_after_blocks: int
+
+    def __post_init__(self) -> None:
+        rules = {
+            "seed": (self.seed >= 0, "a whole number, 0 or more"),
+            "machine": (bool(self.machine) and set(self.machine) <= _KEY, "letters, digits, - and _"),
+            "sample_rate_hz": (1000.0 <= self.sample_rate_hz <= 100e3, "in 1000..100000"),
+            "force_cutoff_hz": (0.0 < self.force_cutoff_hz < self.sample_rate_hz / 2, "in (0, rate / 2)"),
+            "start_position": (self.start_position >= 0.0, "0 or more"),
+            "air_time": (0.0 <= self.air_time <= 600.0, "in 0..600"),
+            "cut_time": (0.0 < self.cut_time <= 3600.0, "above 0, at most 3600"),
+            "reference_chatter_hz": (0.0 < self.reference_chatter_hz < self.sample_rate_hz / 3, "in (0, rate / 3)"),
+            "threshold": (0.0 < self.threshold < 1.0, "in (0, 1)"),
+            "apply_after_blocks": (2 <= self.apply_after_blocks <= 100, "in 2..100"),
+            "expires_after_blocks": (self.expires_after_blocks > self.apply_after_blocks, "above apply_after_blocks"),
+        }
+        for name, (holds, rule) in rules.items():
+            if not holds:
+                raise ValueError(f"{name} must be {rule}, got {getattr(self, name)!r}")
+        if abs(self.sample_rate_hz * 0.01 % 1.0) > 1e-9:
+            raise ValueError(f"sample_rate_hz must be a multiple of 100, got {self.sample_rate_hz}")
+
+
+_KEY = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
+_DRIVE = {
+    "lead": "mm",
+    "motor_inertia": "kg_m2",
+    "motor_damping": "n_m_s_per_rad",
+    "stage_mass": "kg",
+    "stage_damping": "n_s_per_m",
+    "drive_stiffness": "n_per_m",
+    "drive_damping": "n_s_per_m",
+    "current_bandwidth": "rad_per_s",
+    "thrust_delay": "ms",
+    "motor_delay": "ms",
+    "stage_delay": "ms",
+    "motor_resolution": "nm",
+    "stage_resolution": "nm",
+    "scale_noise": "nm",
+    "motor_friction": "n",
+    "presliding_stiffness": "n_per_m",
+}
+_BELIEF = {
+    "lead": "mm",
+    "rotor_inertia": "kg_m2",
+    "rotor_damping": "n_m_s_per_rad",
+    "stage_mass": "kg",
+    "stage_damping": "n_s_per_m",
+    "screw_stiffness": "n_per_m",
+    "screw_damping": "n_s_per_m",
+    "motor_resolution": "nm",
+    "stage_resolution": "nm",
+    "motor_delay": "ms",
+    "stage_delay": "ms",
+    "thrust_delay": "ms",
+    "omega_current": "rad_per_s",
+}
+_CONTROL = {
+    "position_gain": "1_per_s",
+    "velocity_gain": "1_per_s",
+    "disturbance_bandwidth": "rad_per_s",
+    "derivative_bandwidth": "rad_per_s",
+}
+_LIMITS = {
+    "axis_angle": "deg",
+    "shift": "deg",
+    **dict.fromkeys(("dx", "dy", "x1", "y1"), "mm"),
+    "shift_speed": "deg_per_s",
+    "slide_speed": "mm_per_s",
+    "shift_acceleration": "deg_per_s2",
+    "slide_acceleration": "m_per_s2",
+    "shift_jerk": "deg_per_s3",
+    "slide_jerk": "m_per_s3",
+    "interval": "ms",
+    **dict.fromkeys(("shift_step", "shift_travel", "shift_following", "path_shift"), "deg"),
+    **dict.fromkeys(("slide_step", "slide_travel", "slide_following", "path_slide"), "mm"),
+    "target": "deg",
+    "target_step": "deg",
+    "dwell": "s",
+    "command_age": "ms",
+    "command_lead": "ms",
+    "return_speed": "deg_per_s",
+    "spindle_hz_min": "rpm",
+    "spindle_hz_max": "rpm",
+    "loss_hold": "ms",
+    "loss_return": "s",
+    "loss_fault": "s",
+}
+
+
+def _sections() -> dict[str, Section]:
+    """Return the tables that become one object each; imported late, so that `--help` stays quick."""
+    from chatter import MonitorConfig, NominalFeedDrive, NominalTurret
+    from pitch import PlannerConfig, TrajectoryLimits
+    from services.guard_limits import GuardLimits
+    from turning_sim import AxisControl, Chuck, Cutting, FeedDrive, ForceLaw, TurretDrives, Workpiece
+
+    return {
+        "case": Section(
+            kind=CaseSettings,
+            units={"start_position": "mm", "air_time": "s", "cut_time": "s", "threshold": "percent"},
+        ),
+        "chuck": Section(
+            kind=Chuck,
+            units={
+                "lateral_stiffness": "n_per_m",
+                "tilt_stiffness": "n_m_per_rad",
+                "tilt_damping": "n_m_s_per_rad",
+            },
+        ),
+        "workpiece": Section(
+            kind=Workpiece,
+            units={
+                **dict.fromkeys(("diameter", "length", "turned_diameter", "turned_length", "finished_diameter"), "mm"),
+                "young_modulus": "gpa",
+                "density": "kg_per_m3",
+            },
+            given=("chuck",),
+        ),
+        "force_law": Section(kind=ForceLaw, units={"thrust_coefficient": "gpa", "tangential_coefficient": "gpa"}),
+        "cutting": Section(
+            kind=Cutting,
+            units={
+                "spindle_hz": "rpm",
+                **dict.fromkeys(("feed_per_rev", "depth_of_cut", "nose_radius"), "mm"),
+                "cutting_stiffness": "n_per_m",
+                "process_damping": "n_s_per_m",
+                "approach_angle": "deg",
+                "flank_clearance": "deg",
+                "rake_gain": "percent_per_deg",
+                "setting_difference": "um",
+                "force_noise": "n_per_rthz",
+            },
+            given=("force_law",),
+            renamed={"spindle_hz": "spindle_speed"},
+        ),
+        "drive.x1": Section(kind=FeedDrive, units=_DRIVE),
+        "drive.y1": Section(kind=FeedDrive, units=_DRIVE),
+        "control.x1": Section(kind=AxisControl, units=_CONTROL),
+        "control.y1": Section(kind=AxisControl, units=_CONTROL),
+        "turret": Section(
+            kind=TurretDrives,
+            units={"upper_mass": "kg", "axis_angle": "deg"},
+            given=("x1", "y1", "x1_control", "y1_control"),
+        ),
+        "limits": Section(
+            kind=GuardLimits,
+            units=_LIMITS,
+            given=("sample_rate_hz", "axis_angle"),
+            renamed={"spindle_hz_min": "spindle_speed_min", "spindle_hz_max": "spindle_speed_max"},
+        ),
+        "path": Section(
+            kind=TrajectoryLimits,
+            units={"max_speed": "deg_per_s", "max_acceleration": "deg_per_s2", "max_jerk": "deg_per_s3"},
+        ),
+        "monitor": Section(
+            kind=MonitorConfig,
+            units={
+                "block": "ms",
+                "window": "ms",
+                **dict.fromkeys(("refine_window", "air_time", "cutting_time", "memory_time"), "s"),
+                "false_alarm_interval": "s",
+                "expected_limit": "n",
+                "speed_uncertainty": "percent",
+            },
+        ),
+        "belief.x1": Section(kind=NominalFeedDrive, units=_BELIEF),
+        "belief.y1": Section(kind=NominalFeedDrive, units=_BELIEF),
+        "belief": Section(kind=NominalTurret, units={"upper_mass": "kg"}, given=("x1", "y1", "axis_angle")),
+        "planner": Section(
+            kind=PlannerConfig,
+            units={
+                "target_phase": "pi",
+                "fallback_phases": "pi",
+                **dict.fromkeys(("min_shift", "max_shift", "arrival_tolerance", "reaim_threshold"), "deg"),
+                **dict.fromkeys(("x1_travel", "y1_travel"), "mm"),
+                **dict.fromkeys(("dwell", "settle_time", "persist_time", "arrive_time", "calm_time"), "s"),
+            },
+            given=("sample_rate_hz", "axis_angle"),
+        ),
+    }
+
+
+def build(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the objects of a case from its tables.
+
+    Raises
+    ------
+    InputError
+        For a table that is missing or not known, and for every key that breaks a rule.
+    """
+    sections = _sections()
+    _only_known(tables, sections)
+
+    def part(name: str, **given: Any) -> Any:
+        return read_section(_table(tables, name, sections), name, sections[name], **given)
+
+    settings: CaseSettings = part("case")
+    drives = part(
+        "turret", x1=part("drive.x1"), y1=part("drive.y1"), x1_control=part("control.x1"),
+        y1_control=part("control.y1"),
+    )  # fmt: skip
+    common = {"sample_rate_hz": settings.sample_rate_hz, "axis_angle": drives.axis_angle}
+    return {
+        "settings": settings,
+        "workpiece": part("workpiece", chuck=part("chuck")),
+        "cutting": part("cutting", force_law=part("force_law")),
+        "drives": drives,
+        "limits": part("limits", **common),
+        "path": part("path"),
+        "monitor": part("monitor"),
+        "belief": part("belief", x1=part("belief.x1"), y1=part("belief.y1"), axis_angle=drives.axis_angle),
+        "planner": part("planner", **common),
+    }
+
+
+def _table(tables: Mapping[str, Any], name: str, sections: Mapping[str, Section]) -> dict[str, Any]:
+    """Return the keys of `[name]`, without the tables below it."""
+    found: Any = tables
+    for word in name.split("."):
+        found = found.get(word) if isinstance(found, Mapping) else None
+    if not isinstance(found, Mapping):
+        raise InputError(name, None, f"given as a table [{name}]")
+    below = {known.split(".")[1] for known in sections if known.startswith(name + ".")}
+    return {key: value for key, value in found.items() if key not in below}
+
+
+def _only_known(tables: Mapping[str, Any], sections: Mapping[str, Section]) -> None:
+    known = {name.split(".")[0] for name in sections}
+    for name in tables:
+        if name not in known:
+            raise InputError(name, str(tables[name])[:60], f"one of the tables {', '.join(sorted(known))}")
