@@ -1,0 +1,57 @@
+"""State of the machine as the guard gets it, and what it forbids."""
+
+import math
+from dataclasses import dataclass
+
+from services.guard_limits import GuardLimits
+from services.guard_motion import Floats
+
+LARGEST = 10.0
+"""Diameter that no lathe of this kind turns (m)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """State of the machine at the beginning of a block; trusted no further than that.
+
+    Attributes
+    ----------
+    in_cut, homed, feed_hold : bool
+        Whether the tools cut, the slides are homed, the feed is held.
+    spindle_hz : float
+        Speed of the spindle (Hz).
+    diameter : float
+        Diameter of the arc of the tool (m), the one the path is made for.
+    measured : ndarray
+        Measured shift (rad), x1 and y1 (m) at the last k samples before the block, shape (3, k) or (3,).
+    blocked : str
+        Any other reason to freeze the shift, such as a tool change; empty if none.
+    """
+
+    in_cut: bool
+    homed: bool
+    feed_hold: bool
+    spindle_hz: float
+    diameter: float
+    measured: Floats
+    blocked: str = ""
+
+    @property
+    def unfit(self) -> str:
+        """Why no motion at all can be trusted, empty if it can."""
+        if not self.homed:
+            return "not homed"
+        return "" if 0.0 < self.diameter < LARGEST else f"diameter is {self.diameter}"
+
+    @property
+    def radius(self) -> float:
+        """Radius of the arc of the tool (m)."""
+        return 0.5 * self.diameter if self.diameter < LARGEST else math.nan
+
+    def interlock(self, limits: GuardLimits) -> str:
+        """Why nothing may move now, empty if it may."""
+        if self.feed_hold:
+            return "feed hold"
+        if not limits.spindle_hz_min <= self.spindle_hz <= limits.spindle_hz_max:
+            return f"spindle at {self.spindle_hz:.6g} Hz"
+        return self.blocked
