@@ -6,13 +6,12 @@ from math import ceil, isqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from chatter import _kernels
+from chatter import _dft_kernels
+from chatter._dft_kernels import PAIR, PARTS, TILE
 from chatter.blocks import as_block, positive_integer, reject_non_finite
 
 _GRID = 90
 """Samples per table span: one 10 ms block at 9 kHz, so that blocks on the grid fall on whole spans."""
-_LANES = 8
-"""Bins are padded to a multiple of this many float64 lanes."""
 
 
 def twiddles(frequencies_hz: NDArray[np.float64], samples: ArrayLike, sample_rate_hz: float) -> NDArray[np.float64]:
@@ -44,6 +43,7 @@ def twiddles(frequencies_hz: NDArray[np.float64], samples: ArrayLike, sample_rat
 class SlidingDFTState:
     """Copy of the whole state of a `SlidingDFT`."""
 
+    frequencies_hz: NDArray[np.float64]
     seen: int
     position: int
     ring: NDArray[np.float64]
@@ -76,14 +76,17 @@ class SlidingDFT:
         self.channels = positive_integer("channels", channels)
         self._check()
         self.frequencies_hz.flags.writeable = False
-        bins = self.frequencies_hz.size
-        padded = np.zeros(_LANES * ceil(bins / _LANES))
-        padded[:bins] = self.frequencies_hz
-        self._span = _GRID * ceil(isqrt(self.window) / (2 * _GRID))
-        rows = np.concatenate([np.arange(self._span), np.arange(0, self.window, self._span), [self.window]])
-        self._tables = twiddles(padded, rows, self.sample_rate_hz)
+        self._tiles = ceil(self.frequencies_hz.size / TILE)
+        span = _GRID * ceil(isqrt(self.window) / (2 * _GRID))
+        padded = np.zeros(TILE * self._tiles)
+        padded[: self.frequencies_hz.size] = self.frequencies_hz
+        rows = np.concatenate([np.arange(span + 1), np.arange(0, self.window, span), [self.window]])
+        table = twiddles(padded, rows, self.sample_rate_hz) * np.array([1.0, -1.0])[:, None, None]
+        self._tables = _aligned(table.size)
+        self._tables[:] = table.reshape(2, rows.size, self._tiles, TILE).transpose(2, 1, 0, 3).ravel()
         self._ring = np.zeros((self.window, self.channels))
-        self._state = np.zeros((3, self.channels, 2, padded.size))
+        self._series = np.zeros((self.channels, 2, span))
+        self._state = _aligned(self._tiles * self.channels * PARTS * PAIR)
         self._seen = self._position = 0
 
     def _check(self) -> None:
@@ -108,7 +111,7 @@ class SlidingDFT:
             New samples; an empty block returns the present spectrum.
         """
         samples = as_block(block, self.channels)
-        return self._advance(samples, max(samples.shape[0], 1), 1)[0]
+        return self._advance(samples, samples.shape[0], 1, False).view(np.complex128)[0, :, : self.frequencies_hz.size]
 
     def spectra(self, block: ArrayLike, hop: int = 1) -> NDArray[np.complex128]:
         """Take a block and return the spectrum after each hop-th of its samples, shape (n // hop, channels, bins).
@@ -120,9 +123,8 @@ class SlidingDFT:
         hop : int
             Samples from one spectrum to the next.
         """
-        samples = as_block(block, self.channels)
-        hop = positive_integer("hop", hop)
-        return self._advance(samples, hop, samples.shape[0] // hop)
+        out = self._every(block, hop, False).view(np.complex128)
+        return out[..., : self.frequencies_hz.size]
 
     def power(self, block: ArrayLike, hop: int = 1) -> NDArray[np.float64]:
         """Take a block and return abs(X)**2 after each hop-th of its samples, shape (n // hop, channels, bins).
@@ -134,17 +136,26 @@ class SlidingDFT:
         hop : int
             Samples from one spectrum to the next.
         """
-        spectra = self.spectra(block, hop)
-        return spectra.real**2 + spectra.imag**2
+        return self._every(block, hop, True)[..., : self.frequencies_hz.size]
+
+    def _every(self, block: ArrayLike, hop: int, power: bool) -> NDArray[np.float64]:
+        samples = as_block(block, self.channels)
+        hop = positive_integer("hop", hop)
+        if samples.shape[0] == 0:
+            return np.empty((0, self.channels, TILE * self._tiles * (1 if power else 2)))
+        return self._advance(samples, hop, samples.shape[0] // hop, power)
 
     @property
     def seen(self) -> int:
         """Samples of the stream so far."""
         return self._seen
 
-    def _advance(self, samples: NDArray[np.float64], hop: int, spectra: int) -> NDArray[np.complex128]:
-        out = np.empty((spectra, self.channels, self.frequencies_hz.size), dtype=np.complex128)
-        bad = _kernels.sliding_dft(samples, hop, self._ring, self._state, self._tables, self._span, self._position, out)
+    def _advance(self, samples: NDArray[np.float64], hop: int, spectra: int, power: bool) -> NDArray[np.float64]:
+        out = np.empty((spectra, self.channels, TILE * self._tiles * (1 if power else 2)))
+        bad = _dft_kernels.sliding_dft(
+            samples, hop, power, self._ring, self._series, self._tables, self._state, self._tiles, self._position,
+            out.reshape(-1),
+        )  # fmt: skip
         if bad >= 0:
             reject_non_finite(samples, bad, self._seen)
         self._seen += samples.shape[0]
@@ -153,7 +164,9 @@ class SlidingDFT:
 
     def prepare(self) -> None:
         """Compile the kernel; the state stays as it is."""
-        SlidingDFT([0.0], 2, 1.0, self.channels).update(np.zeros((2, self.channels)))
+        twin = SlidingDFT([0.0], 2, 1.0, self.channels)
+        twin.update(np.zeros((2, self.channels)))
+        twin.power(np.zeros((2, self.channels)))
 
     def reset(self) -> None:
         """Forget every sample."""
@@ -164,10 +177,11 @@ class SlidingDFT:
     def snapshot(self) -> SlidingDFTState:
         """Return a copy of the whole state."""
         return SlidingDFTState(
+            frequencies_hz=self.frequencies_hz,
             seen=self._seen,
             position=self._position,
             ring=self._ring.copy(),
-            sums=self._state[:2, ..., : self.frequencies_hz.size].copy(),
+            sums=self._state.copy(),
         )
 
     def restore(self, state: SlidingDFTState) -> None:
@@ -178,12 +192,17 @@ class SlidingDFT:
         state : SlidingDFTState
             What `snapshot` of an object with the same window, channels and frequencies returned.
         """
-        sums = self._state[:2, ..., : self.frequencies_hz.size]
-        if state.ring.shape != self._ring.shape or state.sums.shape != sums.shape:
+        if state.ring.shape != self._ring.shape or not np.array_equal(state.frequencies_hz, self.frequencies_hz):
             raise ValueError(
-                f"state must be of (window, channels) {self._ring.shape} and sums {sums.shape},"
-                f" got {state.ring.shape} and {state.sums.shape}"
+                f"state must be of (window, channels) {self._ring.shape} and the same {self.frequencies_hz.size}"
+                f" frequencies, got {state.ring.shape} and {state.frequencies_hz.size}"
             )
         self._seen, self._position = state.seen, state.position
-        self._ring[:] = state.ring
-        sums[:] = state.sums
+        self._ring[:], self._state[:] = state.ring, state.sums
+
+
+def _aligned(size: int) -> NDArray[np.float64]:
+    """Return zeros whose first stands at the start of a cache line, shape (size,)."""
+    raw = np.zeros(size + 8)
+    skip = -raw.ctypes.data % 64 // 8
+    return raw[skip : skip + size]
