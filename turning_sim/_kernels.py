@@ -38,7 +38,7 @@ CONTACT1, CONTACT2, ANGLE, POSITION, IN_CUT = 11, 12, 13, 14, 15
 LEFT1, LEFT2, PHASE1, PHASE2 = 16, 17, 18, 19
 CHANNELS = 20
 
-THETA, THETA_ENTRY, FR1, FT1, FR2, QX, QY, BRISTLE_X, BRISTLE_Y = range(9)
+THETA, THETA_ENTRY, FR1, FR2, QX, QY, BRISTLE_X, BRISTLE_Y = range(8)
 STEP, READ1, READ2, WAS_IN_CUT = 0, 1, 2, 3
 
 
@@ -111,7 +111,7 @@ def quantise(x, q):
     return math.floor(x / q + 0.5) * q
 
 
-@njit(cache=True, fastmath=False)
+@njit(cache=True, fastmath=False, forceinline=True)
 def delayed(ring, n, delay, channel):
     """Read a ring `delay` steps back, linear between steps."""
     whole = int(delay)
@@ -140,14 +140,16 @@ def servo(c, s, ref, xm, xt):
     return s[5]
 
 
-@njit(cache=True, fastmath=False)
+@njit(cache=True, fastmath=False, forceinline=True)
 def bristle(z, velocity, friction, stiffness, h):
     """Return the deflection of the presliding spring after a step (Dahl), exact at constant velocity."""
+    if friction == 0.0:
+        return 0.0
     steady = math.copysign(friction / stiffness, velocity)
     return steady + (z - steady) * math.exp(-stiffness * abs(velocity) * h / friction)
 
 
-@njit(cache=True, fastmath=False)
+@njit(cache=True, fastmath=False, forceinline=True)
 def drive_step(g, z, new, u0, u1, u2, u3, u4, u5, u6, u7):
     """Advance both axes by their exact step; `g` and `new` are padded to 16 columns so that the loop vectorises."""
     z0, z1, z2, z3, z4, z5, z6, z7, z8, z9 = z[0], z[1], z[2], z[3], z[4], z[5], z[6], z[7], z[8], z[9]
@@ -187,7 +189,7 @@ def modal_step(omega, zeta, h, out):
     out[1, 2] = -out[1, 0] / k - end1
 
 
-@njit(cache=True, fastmath=False)
+@njit(cache=True, fastmath=False, forceinline=True)
 def read_surface(phase, left, ptr, target):
     """Return (value, pointer) of a history at a phase, 4-point Lagrange on its own nodes."""
     mask = SURFACE - 1
@@ -208,7 +210,7 @@ def read_surface(phase, left, ptr, target):
     return value, ptr
 
 
-@njit(cache=True, fastmath=False)
+@njit(cache=True, fastmath=False, forceinline=True)
 def thrust(plant, velocity, chip, stiffness, limit):
     """Return the radial force of one tool in contact (never pulling)."""
     force = stiffness * chip + plant.cp * velocity
@@ -217,169 +219,189 @@ def thrust(plant, velocity, chip, stiffness, limit):
     return max(force, 0.0)
 
 
+@njit(cache=True, fastmath=False, forceinline=True)
+def remember(ring, n, ux, uy, z):
+    """Write thrust commands and positions at step `n` into the ring that the dead times read."""
+    slot = n & (RING - 1)
+    ring[slot, 0] = ux
+    ring[slot, 1] = uy
+    ring[slot, 2] = z[0]
+    ring[slot, 3] = z[5]
+    ring[slot, 4] = z[2]
+    ring[slot, 5] = z[7]
+
+
+@njit(cache=True, fastmath=False)
+def control(plant, cx, cy, ring, n, ref_x, ref_y, noise_x, noise_y, servo_x, servo_y, out, i):
+    """Read the encoders, command both thrusts, write sample `i` of what the machine sees."""
+    xm = quantise(delayed(ring, n, plant.motor_delay, 2), cx.motor_step)
+    ym = quantise(delayed(ring, n, plant.motor_delay, 3), cy.motor_step)
+    xt = quantise(delayed(ring, n, plant.stage_delay, 4) + noise_x, cx.stage_step)
+    yt = quantise(delayed(ring, n, plant.stage_delay, 5) + noise_y, cy.stage_step)
+    ux = servo(cx, servo_x, ref_x, xm, xt)
+    uy = servo(cy, servo_y, ref_y, ym, yt)
+    out[X1_THRUST, i] = ux
+    out[X1_MOTOR, i] = xm
+    out[X1_STAGE, i] = xt
+    out[Y1_THRUST, i] = uy
+    out[Y1_MOTOR, i] = ym
+    out[Y1_STAGE, i] = yt
+    return ux, uy
+
+
+@njit(cache=True, fastmath=False)
+def see_bar(plant, table, s, phi, step, load):
+    """Fill shape, exact step and load factor of each mode for the tools at `s`."""
+    row = min(int(s / plant.table_step), table.shape[0] - 2)
+    part = s / plant.table_step - row
+    for m in range(phi.size):
+        phi[m] = table[row, m, 0] + part * (table[row + 1, m, 0] - table[row, m, 0])
+        omega = table[row, m, 1] + part * (table[row + 1, m, 1] - table[row, m, 1])
+        zeta = table[row, m, 2] + part * (table[row + 1, m, 2] - table[row, m, 2])
+        mass = table[row, m, 3] + part * (table[row + 1, m, 3] - table[row, m, 3])
+        modal_step(omega, zeta, plant.h, step[m])
+        load[m] = phi[m] / mass
+
+
+@njit(cache=True, fastmath=False)
+def truth(plant, z, bar, phi, f, s, in_cut, out, i):
+    """Write sample `i` of what no sensor gives."""
+    q = 0.0
+    for m in range(phi.size):
+        q += phi[m] * bar[m, 0]
+    rho = math.hypot(plant.radius - z[2] - z[7] * plant.cos_psi, z[7] * plant.sin_psi)
+    out[BAR, i] = -q
+    out[VIBRATION, i] = -q - (plant.radius - rho)
+    out[FORCE_X1, i] = f[QX]
+    out[FORCE_Y1P, i] = (plant.cos_psi * f[QX] - f[QY]) / plant.sin_psi
+    out[FORCE_X2, i] = f[FR2]
+    out[CONTACT1, i] = f[FR1] != 0.0
+    out[CONTACT2, i] = f[FR2] != 0.0
+    out[ANGLE, i] = f[THETA]
+    out[POSITION, i] = s
+    out[IN_CUT, i] = in_cut
+
+
+@njit(cache=True, fastmath=False, forceinline=True)
+def place_tool(plant, x, vx, y, vy):
+    """Return shift, its cosine and sine, how much deeper than the arc tool 1 is and how fast, one step ahead."""
+    px = x + plant.h * vx + (y + plant.h * vy) * plant.cos_psi
+    py = (y + plant.h * vy) * plant.sin_psi
+    across = plant.radius - px
+    rho = math.sqrt(across * across + py * py)
+    cos_h, sin_h = across / rho, py / rho
+    rate = cos_h * (vx + vy * plant.cos_psi) - sin_h * vy * plant.sin_psi
+    return math.atan2(py, across), cos_h, sin_h, plant.radius - rho, rate
+
+
+@njit(cache=True, fastmath=False, forceinline=True)
+def tangential(plant, chip, rise):
+    """Return the tangential force of tool 1, linear about the steady cut."""
+    if chip <= 0.0:
+        return 0.0
+    steady = plant.force / plant.stiffness
+    return max(rise * (plant.tangential_force + plant.tangential_ratio * plant.stiffness * (chip - steady)), 0.0)
+
+
+@njit(cache=True, fastmath=False)
+def feed(plant, f, k, n):
+    """Return where the tools are along the bar and whether they cut."""
+    if n < plant.entry_step:
+        return plant.start, False
+    if k[WAS_IN_CUT] == 0:
+        f[THETA_ENTRY] = f[THETA]
+        k[WAS_IN_CUT] = 1
+    s = plant.start + plant.feed * (f[THETA] - f[THETA_ENTRY]) / (2.0 * math.pi)
+    return min(s, plant.stop), s < plant.stop
+
+
+@njit(cache=True, fastmath=False)
+def steps(plant, omega, ux, uy, noise, in_cut, drive, phi, step, load, free, new, z, bar, ring, phase, left, f, k):
+    """Advance everything by one servo sample; the thrust commands are held over it."""
+    phase1, phase2, left1, left2 = phase[0], phase[1], left[0], left[1]
+    modes, h0 = phi.size, plant.force / plant.stiffness
+    limit = omega * plant.radius * plant.tan_clearance
+    n, read1, read2, theta = k[STEP], k[READ1], k[READ2], f[THETA]
+    fr1, fr2, qx0, qy0 = f[FR1], f[FR2], f[QX], f[QY]
+    for j in range(plant.substeps):
+        # the drives and the spindle take tool 1 to its place on the material
+        remember(ring, n, ux, uy, z)
+        shift, cos_h, sin_h, deeper, rate = place_tool(plant, z[2], z[3], z[7], z[8])
+        theta += omega * plant.h
+        u1, u2 = theta - shift, theta
+        r1, read1 = read_surface(phase1, left1, read1, u2 - math.pi)
+        r2, read2 = read_surface(phase2, left2, read2, u1 - math.pi)
+        rise = 1.0 + plant.rake * shift
+        base1 = h0 + deeper - plant.mu * r2
+        base2 = h0 + plant.setting - plant.mu * r1
+        noise1, noise2 = plant.noise * noise[j, 0], plant.noise * noise[j, 1]
+        # the bar: what the forces so far do to it, then the forces at the end of the step, by correction
+        chip1 = chip2 = 0.0
+        for m in range(modes):
+            for a in range(2):
+                carried = step[m, a, 0] * bar[m, 0] + step[m, a, 1] * bar[m, 1]
+                free[m, a] = carried + step[m, a, 2] * load[m] * (fr2 - fr1)
+        for _ in range(PASSES):
+            q = qd = 0.0
+            for m in range(modes):
+                q += phi[m] * (free[m, 0] + step[m, 0, 3] * load[m] * (fr2 - fr1))
+                qd += phi[m] * (free[m, 1] + step[m, 1, 3] * load[m] * (fr2 - fr1))
+            fr1 = fr2 = 0.0
+            if in_cut:
+                chip1, chip2 = base1 + q, base2 - q
+                if chip1 > 0.0:
+                    fr1 = thrust(plant, qd + rate, chip1, rise * plant.stiffness, limit) + noise1
+                if chip2 > 0.0:
+                    fr2 = thrust(plant, -qd, chip2, plant.stiffness, limit) + noise2
+        for m in range(modes):
+            for a in range(2):
+                bar[m, a] = free[m, a] + step[m, a, 3] * load[m] * (fr2 - fr1)
+        # what the tools leave: one that lost contact leaves the old surface, a nominal cut thicker for the next
+        slot = n & (SURFACE - 1)
+        phase1[slot], phase2[slot] = u1, u2
+        left1[slot] = plant.mu * r2 + max(chip1, 0.0) - h0 if in_cut else 0.0
+        left2[slot] = plant.mu * r1 + max(chip2, 0.0) - h0 if in_cut else 0.0
+        # the drives, load linear over the step
+        along = tangential(plant, chip1, rise)
+        qx = fr1 * cos_h - along * sin_h
+        qy = qx * plant.cos_psi - (fr1 * sin_h + along * cos_h) * plant.sin_psi
+        f[BRISTLE_X] = bristle(f[BRISTLE_X], z[1], plant.friction_x, plant.presliding_x, plant.h)
+        f[BRISTLE_Y] = bristle(f[BRISTLE_Y], z[6], plant.friction_y, plant.presliding_y, plant.h)
+        vx, vy = delayed(ring, n, plant.thrust_delay, 0), delayed(ring, n, plant.thrust_delay, 1)
+        rub_x, rub_y = plant.presliding_x * f[BRISTLE_X], plant.presliding_y * f[BRISTLE_Y]
+        drive_step(drive, z, new, vx, vy, qx0, qy0, qx, qy, rub_x, rub_y)
+        qx0, qy0 = qx, qy
+        n += 1
+    k[STEP], k[READ1], k[READ2], f[THETA] = n, read1, read2, theta
+    f[FR1], f[FR2], f[QX], f[QY] = fr1, fr2, qx0, qy0
+
+
 @njit(cache=True, fastmath=False)
 def advance(
-    plant, cx, cy, drive, table, refs, omega, noise, scale_noise, z, bar, servo_x, servo_y, ring, phase, left, f, k, out
+    plant, cx, cy, drive, table, refs, omega, noise, scale, z, bar, servo_x, servo_y, ring, phase, left, f, k, out
 ):
     """Advance `refs.shape[1]` servo samples; the state arrays are updated in place."""
-    h, mask, modes = plant.h, SURFACE - 1, bar.shape[0]
-    step = np.empty((modes, 2, 4))
-    free = np.empty((modes, 2))
-    load = np.empty((modes, 2))
-    phi = np.empty(modes)
-    zn = np.empty(drive.shape[1])
-    h0 = plant.force / plant.stiffness
-    n = k[STEP]
-    # views are made once: each costs a reference count
-    phase1, phase2, left1, left2 = phase[0], phase[1], left[0], left[1]
+    modes = bar.shape[0]
+    step, free, load, phi = np.empty((modes, 2, 4)), np.empty((modes, 2)), np.empty(modes), np.empty(modes)
+    new = np.empty(drive.shape[1])
     for i in range(refs.shape[1]):
-        # --- what the machine reads and commands at this sample
-        ring[n & (RING - 1), 2] = z[0]
-        ring[n & (RING - 1), 3] = z[5]
-        ring[n & (RING - 1), 4] = z[2]
-        ring[n & (RING - 1), 5] = z[7]
-        xm = quantise(delayed(ring, n, plant.motor_delay, 2), cx.motor_step)
-        ym = quantise(delayed(ring, n, plant.motor_delay, 3), cy.motor_step)
-        xt = quantise(delayed(ring, n, plant.stage_delay, 4) + scale_noise[i, 0], cx.stage_step)
-        yt = quantise(delayed(ring, n, plant.stage_delay, 5) + scale_noise[i, 1], cy.stage_step)
-        ux = servo(cx, servo_x, refs[0, i], xm, xt)
-        uy = servo(cy, servo_y, refs[1, i], ym, yt)
-        # --- the bar seen from the present tool position
-        in_cut = n >= plant.entry_step
-        if in_cut and k[WAS_IN_CUT] == 0:
-            f[THETA_ENTRY] = f[THETA]
-            k[WAS_IN_CUT] = 1
-        s = plant.start
-        if in_cut:
-            s += plant.feed * (f[THETA] - f[THETA_ENTRY]) / (2.0 * math.pi)
-            if s >= plant.stop:
-                s = plant.stop
-                in_cut = False
-        row = min(int(s / plant.table_step), table.shape[0] - 2)
-        part = s / plant.table_step - row
-        q = 0.0
-        qd = 0.0
-        for m in range(modes):
-            phi[m] = table[row, m, 0] + part * (table[row + 1, m, 0] - table[row, m, 0])
-            w = table[row, m, 1] + part * (table[row + 1, m, 1] - table[row, m, 1])
-            zeta = table[row, m, 2] + part * (table[row + 1, m, 2] - table[row, m, 2])
-            mass = table[row, m, 3] + part * (table[row + 1, m, 3] - table[row, m, 3])
-            modal_step(w, zeta, h, step[m])
-            for a in range(2):
-                load[m, a] = phi[m] / mass
-            q += phi[m] * bar[m, 0]
-            qd += phi[m] * bar[m, 1]
-        limit = omega[i] * plant.radius * plant.tan_clearance
-        tool_x = z[2] + z[7] * plant.cos_psi
-        tool_y = z[7] * plant.sin_psi
-        out[X1_THRUST, i] = ux
-        out[X1_MOTOR, i] = xm
-        out[X1_STAGE, i] = xt
-        out[Y1_THRUST, i] = uy
-        out[Y1_MOTOR, i] = ym
-        out[Y1_STAGE, i] = yt
-        out[BAR, i] = -q
-        rho = math.hypot(plant.radius - tool_x, tool_y)
-        out[VIBRATION, i] = -q - (plant.radius - rho)
-        out[FORCE_X1, i] = f[QX]
-        out[FORCE_Y1P, i] = (plant.cos_psi * f[QX] - f[QY]) / plant.sin_psi
-        out[FORCE_X2, i] = f[FR2]
-        out[CONTACT1, i] = f[FR1] != 0.0
-        out[CONTACT2, i] = f[FR2] != 0.0
-        out[ANGLE, i] = f[THETA]
-        out[POSITION, i] = s
-        out[IN_CUT, i] = in_cut
-        last = (n - 1) & mask
-        out[LEFT1, i] = left1[last]
-        out[LEFT2, i] = left2[last]
-        out[PHASE1, i] = phase1[last]
-        out[PHASE2, i] = phase2[last]
-        for j in range(plant.substeps):
-            # --- where the tools are at the end of this step
-            px = z[2] + h * z[3] + (z[7] + h * z[8]) * plant.cos_psi
-            py = (z[7] + h * z[8]) * plant.sin_psi
-            rho = math.sqrt((plant.radius - px) ** 2 + py * py)
-            cos_h = (plant.radius - px) / rho
-            sin_h = py / rho
-            shift = math.atan2(py, plant.radius - px)
-            deeper = plant.radius - rho
-            deeper_rate = cos_h * (z[3] + z[8] * plant.cos_psi) - sin_h * z[8] * plant.sin_psi
-            f[THETA] += omega[i] * h
-            u1 = f[THETA] - shift
-            u2 = f[THETA]
-            r1, k[READ1] = read_surface(phase1, left1, k[READ1], u2 - math.pi)
-            r2, k[READ2] = read_surface(phase2, left2, k[READ2], u1 - math.pi)
-            stiffness1 = plant.stiffness * (1.0 + plant.rake * shift)
-            base1 = h0 + deeper - plant.mu * r2
-            base2 = h0 + plant.setting - plant.mu * r1
-            noise1 = plant.noise * noise[i * plant.substeps + j, 0]
-            noise2 = plant.noise * noise[i * plant.substeps + j, 1]
-            old = f[FR2] - f[FR1]
-            for m in range(modes):
-                for a in range(2):
-                    free[m, a] = (
-                        step[m, a, 0] * bar[m, 0] + step[m, a, 1] * bar[m, 1] + step[m, a, 2] * load[m, a] * old
-                    )
-            fr1, fr2, ft1 = f[FR1], f[FR2], 0.0
-            chip1 = chip2 = 0.0
-            for _ in range(PASSES):
-                q = 0.0
-                qd = 0.0
-                for m in range(modes):
-                    q += phi[m] * (free[m, 0] + step[m, 0, 3] * load[m, 0] * (fr2 - fr1))
-                    qd += phi[m] * (free[m, 1] + step[m, 1, 3] * load[m, 1] * (fr2 - fr1))
-                fr1 = fr2 = 0.0
-                if in_cut:
-                    chip1 = base1 + q
-                    chip2 = base2 - q
-                    if chip1 > 0.0:
-                        fr1 = thrust(plant, qd + deeper_rate, chip1, stiffness1, limit) + noise1
-                    if chip2 > 0.0:
-                        fr2 = thrust(plant, -qd, chip2, plant.stiffness, limit) + noise2
-            for m in range(modes):
-                for a in range(2):
-                    bar[m, a] = free[m, a] + step[m, a, 3] * load[m, a] * (fr2 - fr1)
-            # --- what the tools leave
-            now = n & mask
-            phase1[now] = u1
-            phase2[now] = u2
-            left1[now] = 0.0
-            left2[now] = 0.0
-            if in_cut:
-                left1[now] = chip1 - h0 + plant.mu * r2 if chip1 > 0.0 else plant.mu * r2 - h0
-                left2[now] = chip2 - h0 + plant.mu * r1 if chip2 > 0.0 else plant.mu * r1 - h0
-                if chip1 > 0.0:
-                    ft1 = plant.tangential_force * stiffness1 / plant.stiffness
-                    ft1 = max(ft1 + plant.tangential_ratio * stiffness1 * (chip1 - h0), 0.0)
-            # --- the drives under the force on tool 1, linear over the step
-            force_x = fr1 * cos_h - ft1 * sin_h
-            force_y = fr1 * sin_h + ft1 * cos_h
-            qx = force_x
-            qy = force_x * plant.cos_psi - force_y * plant.sin_psi
-            slot = n & (RING - 1)
-            ring[slot, 0] = ux
-            ring[slot, 1] = uy
-            ring[slot, 2] = z[0]
-            ring[slot, 3] = z[5]
-            ring[slot, 4] = z[2]
-            ring[slot, 5] = z[7]
-            vx = delayed(ring, n, plant.thrust_delay, 0)
-            vy = delayed(ring, n, plant.thrust_delay, 1)
-            rub_x = rub_y = 0.0
-            if plant.friction_x > 0.0:
-                f[BRISTLE_X] = bristle(f[BRISTLE_X], z[1], plant.friction_x, plant.presliding_x, h)
-                rub_x = plant.presliding_x * f[BRISTLE_X]
-            if plant.friction_y > 0.0:
-                f[BRISTLE_Y] = bristle(f[BRISTLE_Y], z[6], plant.friction_y, plant.presliding_y, h)
-                rub_y = plant.presliding_y * f[BRISTLE_Y]
-            drive_step(drive, z, zn, vx, vy, f[QX], f[QY], qx, qy, rub_x, rub_y)
-            f[FR1], f[FT1], f[FR2], f[QX], f[QY] = fr1, ft1, fr2, qx, qy
-            n += 1
-        if not (abs(q) < plant.max_amplitude):
-            k[STEP] = n
+        n = k[STEP]
+        remember(ring, n, 0.0, 0.0, z)
+        ux, uy = control(
+            plant, cx, cy, ring, n, refs[0, i], refs[1, i], scale[i, 0], scale[i, 1], servo_x, servo_y, out, i
+        )
+        s, in_cut = feed(plant, f, k, n)
+        see_bar(plant, table, s, phi, step, load)
+        truth(plant, z, bar, phi, f, s, in_cut, out, i)
+        last = (n - 1) & (SURFACE - 1)
+        out[LEFT1, i], out[LEFT2, i] = left[0, last], left[1, last]
+        out[PHASE1, i], out[PHASE2, i] = phase[0, last], phase[1, last]
+        drawn = noise[i * plant.substeps : (i + 1) * plant.substeps]
+        steps(
+            plant, omega[i], ux, uy, drawn, in_cut, drive, phi, step, load, free, new, z, bar, ring, phase, left, f, k
+        )
+        if not (abs(bar[0, 0]) < plant.max_amplitude and abs(bar[modes - 1, 0]) < plant.max_amplitude):
             return Status.DIVERGED
-        if n - k[READ1] > SURFACE - 8 or n - k[READ2] > SURFACE - 8:
-            k[STEP] = n
+        if k[STEP] - min(k[READ1], k[READ2]) > SURFACE - 8:
             return Status.SURFACE_MEMORY
-    k[STEP] = n
     return Status.OK

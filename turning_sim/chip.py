@@ -68,9 +68,7 @@ def steady_chip(
     first = np.array([-r * math.sin(start), r * (1.0 - math.cos(start))])
     chord = last - first
     cusp = _cusp_area(feed_per_tool, r)
-    return Chip(
-        area=a * feed_per_tool - cusp, edge_length=edge, thrust_direction=float(math.atan2(chord[1], chord[0]))
-    )
+    return Chip(area=a * feed_per_tool - cusp, edge_length=edge, thrust_direction=float(math.atan2(chord[1], chord[0])))
 
 
 def _cusp_area(feed: float, r: float) -> float:

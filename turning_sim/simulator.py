@@ -24,7 +24,7 @@ _PROFILE_STEP = 1e-6
 _LOWEST_SPINDLE_HZ = 5.0
 
 
-class SimulationDiverged(RuntimeError):
+class SimulationDiverged(RuntimeError):  # noqa: N818 (the name users know)
     """The plant left the range in which its equations mean anything."""
 
     def __init__(self, *, sample: int, hint: str) -> None:
@@ -308,7 +308,7 @@ class Simulator:
             "ring": ring,
             "phase": np.array([phase - shift, phase]),
             "left": np.zeros((2, kernels.SURFACE)),
-            "f": np.zeros(9),
+            "f": np.zeros(8),
             "k": np.array([0, -half, -half, 0]),
         }
 
