@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from chatter.dominance import Dominant, harmonic_bins, standing_limit, strongest
 from chatter.estimate import Kind, LimitSource, MonitorConfig
 from chatter.limits import LearnedLevel
 from chatter.spectrum import Line, pencil, refine
@@ -16,6 +17,8 @@ Floats = NDArray[np.float64]
 
 STRETCH = 1.6
 """Stretch of the first frequency estimate over the window of detection: two lines 40 Hz apart are told apart."""
+PERSISTENCE = 3
+"""Windows for which a line must dominate a wide band: longer than a knock or an entry lasts in one window."""
 AGREEMENT = 0.25
 """Part of a bin by which two estimates may differ and still be of the same line."""
 
@@ -33,6 +36,8 @@ class _Memory:
     alarm: bool = False
     kind: Kind | None = None
     raised: int = 0
+    score: int = 0
+    followed_hz: float = 0.0
     lowered: int = 0
     agreeing: int = 0
     line: Line | None = None
@@ -120,31 +125,97 @@ class Detector:
         """
         memory = self._memory
         self._follow_context(in_cut, moving)
-        line_limit, square_limit, source = self._limits(in_cut)
+        line_limit, square_limit, source = self._limits(power, in_cut)
         if source == "none":
             self._learn(power, square, in_cut)
             return {"state": "learning", "indicator": sqrt(square), "line": sqrt(float(power.max()))}
-        ratio = power / line_limit
-        peak = int(ratio.argmax())
         level = self._config.hysteresis**2 if memory.alarm else 1.0
-        over = int(ratio[peak] > level) + int(square > level * square_limit)
+        square_over = square > level * square_limit
+        if self._config.dominance is None:
+            peak, share, found = int((power / line_limit).argmax()), 0.0, None
+            line_over = bool(power[peak] > level * line_limit[peak])
+        else:
+            best, found = self._dominant(power, square, history, spindle_hz)
+            peak, share = (best.peak, best.share) if best else (int(power.argmax()), 0.0)
+            line_over, alone = self._dominates(best, power, line_limit, source, level)
+            square_over = square_over or alone
+        over = int(line_over) + int(square_over)
         fields: dict[str, Any] = {
             "indicator": sqrt(square),
             "limit": sqrt(square_limit),
             "line": sqrt(float(power[peak])),
             "line_limit": sqrt(float(line_limit[peak])),
             "limit_source": source,
+            "raised": over == 2,
+            "share": share,
         }
         if in_cut is False:
-            memory.alarm, memory.raised, memory.line, memory.refined = False, 0, None, None
+            memory.alarm, memory.raised, memory.score, memory.line, memory.refined = False, 0, 0, None, None
         else:
-            self._confirm(over, ratio[peak] > level, peak, history, spindle_hz)
+            if found is None and line_over and (over == 2 or memory.alarm):
+                found = self._nearest(peak, history, spindle_hz)
+            self._follow_line(found if line_over else None, history)
+            self._switch(over == 2)
             fields.update(self._describe())
         fields["state"] = self._state(over, in_cut)
         if over and in_cut is not False:
             memory.settled = 0
         self._learn(power, square, in_cut)
         return fields
+
+    def learn_air(self, power: Floats, square: float) -> None:
+        """Take a block of air in, whatever the state.
+
+        Parameters
+        ----------
+        power : ndarray, shape (bins,)
+            Squared line amplitude in every bin.
+        square : float
+            Mean square of the band over the window, summed over the channels.
+        """
+        self._follow_context(False, False)
+        self._learn(power, square, False)
+
+    def assume(self, power: Floats, square: float, windows: float) -> None:
+        """Take levels for those of the air.
+
+        Parameters
+        ----------
+        power : ndarray, shape (bins,)
+            Squared line amplitude in every bin.
+        square : float
+            Mean square of the band.
+        windows : float
+            Independent windows behind them.
+        """
+        self._memory.air.forget()
+        self._memory.air.learn(power, square, windows)
+
+    def _dominant(
+        self, power: Floats, square: float, history: Floats, spindle_hz: float | None
+    ) -> tuple[Dominant | None, tuple[Line, Kind] | None]:
+        """Return the strongest line of a wide band that is not forced, or else the forced one, and what is known."""
+        standing = standing_limit(power)
+        best = strongest(power, standing, square)
+        forced = harmonic_bins(self._frequencies_hz, spindle_hz, self._config.speed_uncertainty)
+        if best is None or forced is None or not forced[best.peak]:
+            return best, None
+        found = self._nearest(best.peak, history, spindle_hz)
+        if found is not None and found[1] == "forced":
+            other = strongest(power, standing, square, forced)
+            if other is not None:
+                return other, None
+        return best, found
+
+    def _dominates(
+        self, best: Dominant | None, power: Floats, limit: Floats, source: LimitSource, level: float
+    ) -> tuple[bool, bool]:
+        """Return whether a line dominates, and whether it does so without the help of a reference."""
+        least = level * (self._config.dominance or 0.0)
+        if best is None:
+            return False, False
+        began = source != "spectrum" and bool(power[best.peak] > level * limit[best.peak]) and best.share >= least
+        return began or best.whole >= least, best.whole >= least
 
     def _follow_context(self, in_cut: bool | None, moving: bool) -> None:
         memory = self._memory
@@ -153,7 +224,7 @@ class Detector:
         memory.settled = 0 if changed or moving else memory.settled + 1
         memory.since_entry = 1 if changed else memory.since_entry + 1
 
-    def _limits(self, in_cut: bool | None) -> tuple[Floats, float, LimitSource]:
+    def _limits(self, power: Floats, in_cut: bool | None) -> tuple[Floats, float, LimitSource]:
         """Return the squared limits of every bin and of the band, and where they come from."""
         config, memory = self._config, self._memory
         line = np.full(len(self._frequencies_hz), np.finfo(np.float64).tiny)
@@ -167,12 +238,16 @@ class Detector:
         for level, time, name in learned:
             if self._ready(level, time):
                 line = np.maximum(line, level.power * level.line_factor(self._line_probability))
-                square = max(square, level.square * level.square_factor(self._freedom, self._square_probability))
+                scatters = config.dominance is None
+                factor = level.square_factor(self._freedom, self._square_probability, scatters)
+                square = max(square, level.square * factor)
                 source = name
         if in_cut and source != "cutting" and config.expected_limit is not None:
             line = np.maximum(line, config.expected_limit**2)
             square = max(square, 0.5 * config.expected_limit**2)
             source = "configured"
+        if source == "none" and config.dominance is not None:
+            return standing_limit(power), square, "spectrum"
         return line, square, source
 
     def _ready(self, level: LearnedLevel, time: float) -> bool:
@@ -181,38 +256,58 @@ class Detector:
     def _learn(self, power: Floats, square: float, in_cut: bool | None) -> None:
         """Take the block in as background, unless the window holds a disturbance."""
         config, memory = self._config, self._memory
-        if memory.settled <= self._window_blocks:
+        unknown = in_cut is None and config.dominance is not None
+        if memory.settled <= self._window_blocks or unknown:
             return
         level = memory.cut if in_cut else memory.air
         level.learn(power, square, config.block / config.window)
 
-    def _confirm(self, over: int, line_over: bool, peak: int, history: Floats, spindle_hz: float | None) -> None:
-        """Follow the line while it stands over its limit, and raise or end the alarm."""
+    def _follow_line(self, found: tuple[Line, Kind] | None, history: Floats) -> None:
+        """Keep the line that was found and count how often in a row it was the same one."""
         config, memory = self._config, self._memory
-        found = self._strongest(peak, history, spindle_hz) if line_over and (over == 2 or memory.alarm) else None
         if found is None:
             memory.line, memory.refined, memory.agreeing = None, None, 0
-        else:
-            line, kind = found
-            near = memory.line is not None and abs(line.frequency_hz - memory.line.frequency_hz) < AGREEMENT / line.span
-            memory.agreeing = memory.agreeing + 1 if near and line.growth * line.span > -1.0 else 0
-            memory.line = line
-            memory.kind = "regenerative" if memory.alarm else kind
-            self._refine(line, history, near)
-        memory.raised = memory.raised + 1 if over == 2 else 0
-        memory.lowered = 0 if over == 2 else memory.lowered + 1
-        if memory.alarm:
-            memory.alarm = memory.lowered < self._window_blocks
-        elif (
-            over == 2
-            and memory.kind == "regenerative"
-            and (memory.agreeing >= config.confirm or memory.raised > 2 * self._window_blocks)
-        ):
-            memory.alarm = True
-            if not self._ready(memory.cut, config.cutting_time):
-                memory.cut.forget()
+            return
+        line, kind = found
+        near = memory.line is not None and abs(line.frequency_hz - memory.line.frequency_hz) < AGREEMENT / line.span
+        memory.agreeing = memory.agreeing + 1 if near and line.growth * line.span > -1.0 else 0
+        memory.line = line
+        memory.kind = "regenerative" if memory.alarm and not config.dominance else kind
+        self._refine(line, history, near)
 
-    def _strongest(self, peak: int, history: Floats, spindle_hz: float | None) -> tuple[Line, Kind] | None:
+    def _switch(self, both: bool) -> None:
+        """Raise or end the alarm."""
+        config, memory = self._config, self._memory
+        most = PERSISTENCE * self._window_blocks
+        memory.raised = memory.raised + 1 if both else 0
+        memory.lowered = 0 if both else memory.lowered + 1
+        counts = both and memory.line is not None and memory.kind == "regenerative"
+        if config.dominance and counts:
+            counts = self._is_followed()
+        memory.score = min(memory.score + 1, most) if counts else max(memory.score - 1, 0)
+        if memory.alarm:
+            memory.alarm = memory.score > 0 if config.dominance else memory.lowered < self._window_blocks
+            return
+        if config.dominance:
+            memory.alarm = memory.score >= most
+        elif counts:
+            memory.alarm = memory.agreeing >= config.confirm or memory.raised > 2 * self._window_blocks
+        if memory.alarm and not self._ready(memory.cut, config.cutting_time):
+            memory.cut.forget()
+
+    def _is_followed(self) -> bool:
+        """Return whether the line is the one followed, or its harmonic; another one is followed from now on."""
+        memory = self._memory
+        frequency = memory.line.frequency_hz if memory.line is not None else 0.0
+        for factor in (1.0, 0.5, 2.0, 1.0 / 3.0, 3.0):
+            if abs(factor * frequency - memory.followed_hz) <= 1.5 * max(factor, 1.0) / self._config.window:
+                memory.followed_hz = factor * frequency if factor == 1.0 else memory.followed_hz
+                return True
+        if not memory.alarm:
+            memory.followed_hz, memory.score = frequency, 0
+        return not memory.alarm
+
+    def _nearest(self, peak: int, history: Floats, spindle_hz: float | None) -> tuple[Line, Kind] | None:
         """Return the strongest line near a bin that is no harmonic of the spindle, or else the strongest at all."""
         config, memory = self._config, self._memory
         least = config.window
@@ -233,6 +328,9 @@ class Detector:
         """Tell a harmonic of the spindle or of the tools from anything else, when the resolution allows it."""
         if not spindle_hz or line.growth * line.span > 1.0:
             return "regenerative"  # a forced line does not grow e-fold within the stretch
+        reach = 1.5 / self._config.window
+        if self._memory.alarm and abs(line.frequency_hz - self._memory.followed_hz) <= reach:
+            return "regenerative"  # chatter may drift over a harmonic without becoming one
         tolerance = self._config.speed_uncertainty * line.frequency_hz + AGREEMENT / line.span
         for spacing in (spindle_hz, spindle_hz * self._config.tools):
             if tolerance < spacing / 6.0:

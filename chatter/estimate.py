@@ -5,7 +5,7 @@ from math import isfinite
 from typing import Literal
 
 State = Literal["learning", "idle", "quiet", "suspect", "chatter", "gap", "invalid"]
-LimitSource = Literal["none", "air", "configured", "cutting", "reference"]
+LimitSource = Literal["none", "air", "configured", "cutting", "reference", "spectrum"]
 Kind = Literal["regenerative", "forced"]
 
 
@@ -42,6 +42,9 @@ class MonitorConfig:
         Cutting edges that pass per revolution.
     speed_uncertainty : float
         Relative uncertainty of the spindle speed.
+    dominance : float or None
+        For a wide band: least part of the energy of all lines that the strongest must hold, and hold for three
+        windows, to be called chatter, whatever the limits say. None: the band is the neighbourhood of one mode.
     """
 
     band_hz: tuple[float, float]
@@ -57,6 +60,7 @@ class MonitorConfig:
     expected_limit: float | None = None
     tools: int = 1
     speed_uncertainty: float = 0.002
+    dominance: float | None = None
 
     def __post_init__(self) -> None:
         low, high = self.band_hz
@@ -77,6 +81,8 @@ class MonitorConfig:
             raise ValueError(f"tools must be at least 1, got {self.tools}")
         if not 0.0 <= self.speed_uncertainty < 0.5:
             raise ValueError(f"speed_uncertainty must be in [0, 0.5), got {self.speed_uncertainty}")
+        if self.dominance is not None and not 0.0 < self.dominance < 1.0:
+            raise ValueError(f"dominance must be in (0, 1) or None, got {self.dominance}")
         if self.window < 2.0 * self.block or self.refine_window < 2.0 * self.window:
             raise ValueError(
                 f"window must be from 2 block to refine_window / 2, got {self.window}"
@@ -105,7 +111,12 @@ class ChatterEstimate:
     line, line_limit : float
         Amplitude of the strongest line in the spectrum of the window, and its limit at that frequency (0: none yet).
     limit_source : str
-        Where the limits in force come from.
+        Where the limits in force come from: ``air``, ``configured`` or ``cutting``; ``reference`` signal known or
+        assumed to hold no chatter; ``spectrum`` the lines that stand out of the present spectrum.
+    raised : bool
+        Both indicators are over their limits.
+    share : float
+        Part of the energy of all lines that the strongest holds, 0...1; 0 in a narrow band.
     frequency_hz : float or None
         Refined frequency of the strongest line (Hz), when that line is above its limit.
     amplitude : float
@@ -134,6 +145,8 @@ class ChatterEstimate:
     line: float = 0.0
     line_limit: float = 0.0
     limit_source: LimitSource = "none"
+    raised: bool = False
+    share: float = 0.0
     frequency_hz: float | None = None
     amplitude: float = 0.0
     growth: float = 0.0

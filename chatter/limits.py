@@ -81,7 +81,7 @@ class LearnedLevel:
         """
         return ratio_limit(2.0, 2.0 * self.windows, probability)
 
-    def square_factor(self, freedom: float, probability: float) -> float:
+    def square_factor(self, freedom: float, probability: float, scatters: bool = True) -> float:
         """Return the ratio of the mean square to its mean that noise exceeds with a given probability.
 
         Parameters
@@ -91,8 +91,10 @@ class LearnedLevel:
             (Satterthwaite: twice the squared mean over the variance).
         probability : float
             Probability of the excess.
+        scatters : bool
+            Whether to count what was seen to scatter more.
         """
         scatter = self.fourth - self.square * self.square
-        if scatter > 0.0:
+        if scatters and scatter > 0.0:
             freedom = min(freedom, max(2.0 * self.square * self.square / scatter, 2.0))
         return ratio_limit(freedom, freedom * self.windows, probability)

@@ -104,6 +104,48 @@ class ChatterMonitor:
         tone = np.sin(2.0 * np.pi * float(np.mean(self.config.band_hz)) * time)
         twin.process(np.repeat(tone[:, None], self.channels, axis=1), 0)
 
+    def levels(self, signal: ArrayLike) -> tuple[Floats, Floats]:
+        """Return squared line amplitudes, shape (m, bins), and mean squares, shape (m,), of all blocks of a signal.
+
+        The windows are empty afterwards, and learned limits stay as they are. Blocks that are not finite and those
+        whose window reaches back over one, or over the start, are left out.
+
+        Parameters
+        ----------
+        signal : array_like, shape (n, channels)
+            A recording.
+        """
+        samples = as_block(signal, self.channels)
+        powers, squares, since = [], [], 0
+        self._restart()
+        for start in range(0, len(samples) - self.block + 1, self.block):
+            block = samples[start : start + self.block]
+            since += self.block
+            if not np.abs(block).max() <= IMPLAUSIBLE:
+                self._restart()
+                since = 0
+                continue
+            _, power, square = self._analyse(block)
+            if since > self._window + self.block:
+                powers.append(power)
+                squares.append(square)
+        self._restart()
+        return np.array(powers).reshape(-1, len(self._frequencies_hz)), np.array(squares)
+
+    def assume(self, power: ArrayLike, square: float, windows: float) -> None:
+        """Take levels for those of the signal without chatter.
+
+        Parameters
+        ----------
+        power : array_like, shape (bins,)
+            Squared line amplitude in every bin.
+        square : float
+            Mean square of the band.
+        windows : float
+            Independent windows behind them.
+        """
+        self._detector.assume(np.asarray(power, dtype=np.float64), float(square), float(windows))
+
     def process(
         self,
         block: ArrayLike,
@@ -176,15 +218,19 @@ class ChatterMonitor:
         if not np.abs(block).max() <= IMPLAUSIBLE:
             self._restart()
             return ChatterEstimate(**common, state="invalid")
-        band = self._filter.update(block)
-        power = hann_power(self._dft.update(band), self._window) * self._inverse_gain
-        square = float(self._variance.update(band)[-1].sum())
+        band, power, square = self._analyse(block)
         fields = self._detector.step(
             power, square, self._remember(band), in_cut=in_cut, spindle_hz=spindle_hz, moving=moving
         )
         if gap:
             fields["state"] = "gap"
         return ChatterEstimate(**common, **fields)
+
+    def _analyse(self, block: Floats) -> tuple[Floats, Floats, float]:
+        """Return the band-passed block, the squared line amplitude of every bin and the mean square of the window."""
+        band = self._filter.update(block)
+        power = hann_power(self._dft.update(band), self._window) * self._inverse_gain
+        return band, power, float(self._variance.update(band)[-1].sum())
 
     def _remember(self, band: Floats) -> Floats:
         """Write a block into the ring and return everything since the windows were emptied, at most its depth."""

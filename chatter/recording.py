@@ -4,9 +4,25 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+from scipy.signal import resample_poly
 
-from chatter.estimate import Kind
+from chatter.episodes import Episode, episodes
+from chatter.estimate import Kind, MonitorConfig
+from chatter.monitor import ChatterMonitor
+
+Floats = NDArray[np.float64]
+
+LOWEST_HZ, HIGHEST_HZ = 100.0, 5000.0
+"""Band when none is given: below, rooms and drives hum; above, no cutting tool of ordinary size chatters."""
+USABLE = 0.4
+"""Part of the sampling rate up to which a recorder without a stated filter is trusted."""
+WINDOW = 0.1
+"""Window of detection (s): resolves 20 Hz, enough for tooth passing from 600 1/min and four teeth on."""
+QUIET = 0.1
+"""Part of the recording, bin by bin, that is taken to hold no chatter."""
+DOMINANCE = 0.5
+"""Chatter holds more energy than all other lines together; cf. the energy ratios of chatter to periodic vibration."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +77,9 @@ def detect_recording(
 ) -> RecordingVerdict:
     """Judge a recording.
 
+    Chatter is a line that is no harmonic of the spindle, stands still for three windows and either began within the
+    recording and holds more energy than all other lines, or holds more than all the rest of the band together.
+
     Parameters
     ----------
     signal : array_like, shape (n,) or (n, channels)
@@ -70,8 +89,90 @@ def detect_recording(
     band_hz : (float, float) or None
         Band in which chatter is looked for (Hz); None for all that the rate allows.
     spindle_hz : float or None
-        Spindle speed (Hz).
+        Spindle speed (Hz); tells harmonics of the spindle from chatter.
     tools : int or None
         Cutting edges that pass per revolution.
     """
-    raise NotImplementedError
+    samples = _as_samples(signal)
+    if not (np.isfinite(sample_rate_hz) and sample_rate_hz > 0.0):
+        raise ValueError(f"sample_rate_hz must be positive, got {sample_rate_hz}")
+    if spindle_hz is not None and not (np.isfinite(spindle_hz) and spindle_hz > 0.0):
+        raise ValueError(f"spindle_hz must be positive or None, got {spindle_hz}")
+    low, high = band_hz if band_hz is not None else (LOWEST_HZ, min(HIGHEST_HZ, USABLE * sample_rate_hz))
+    if band_hz is None and high < 2.0 * low:
+        return RecordingVerdict(
+            verdict=None, reason=f"sampled at {sample_rate_hz:g} Hz, cannot see chatter above {low:g} Hz"
+        )
+    config = _configuration(low, high, tools)
+    if high >= 0.5 * sample_rate_hz:
+        return RecordingVerdict(
+            verdict=None, reason=f"sampled at {sample_rate_hz:g} Hz, cannot see {low:g}..{high:g} Hz"
+        )
+    if len(samples) < 2.0 * config.window * sample_rate_hz:
+        least = 2.0 * config.window
+        return RecordingVerdict(
+            verdict=None, reason=f"lasts {len(samples) / sample_rate_hz:g} s, at least {least:g} s are needed"
+        )
+    notes = []
+    if not np.isfinite(samples).all():
+        notes.append(f"{int((~np.isfinite(samples)).any(axis=1).sum())} samples are not finite and were left out")
+    thin, rate = _thinned(samples, sample_rate_hz, high)
+    found = _judged(thin, rate, config, spindle_hz)
+    events = tuple(Event(start=e.start, end=e.end, frequency_hz=e.frequency_hz, kind=e.kind) for e in found)
+    if spindle_hz is None:
+        notes.append("spindle speed unknown: forced vibration is told from chatter by its many lines only")
+    chatters = any(e.kind == "regenerative" for e in events)
+    return RecordingVerdict(verdict="chatter" if chatters else "stable", events=events, notes=tuple(notes))
+
+
+def _as_samples(signal: ArrayLike) -> Floats:
+    samples = np.asarray(signal)
+    if samples.ndim == 1:
+        samples = samples[:, None]
+    if samples.ndim != 2 or samples.shape[1] == 0 or not np.issubdtype(samples.dtype, np.number):
+        raise ValueError(f"signal must be of numbers, shape (n,) or (n, channels), got {samples.dtype} {samples.shape}")
+    if np.iscomplexobj(samples):
+        raise ValueError(f"signal must be real, got {samples.dtype}")
+    return np.array(samples, dtype=np.float64)
+
+
+def _configuration(low: float, high: float, tools: int | None) -> MonitorConfig:
+    if not 0.0 < low < high:
+        raise ValueError(f"band_hz must be (low, high) with 0 < low < high, got {(low, high)}")
+    window = max(WINDOW, 10.0 / low, 16.0 / (high - low))
+    return MonitorConfig(
+        band_hz=(low, high),
+        window=window,
+        refine_window=max(1.0, 2.0 * window),
+        air_time=window,
+        memory_time=1e5,
+        dominance=DOMINANCE,
+        tools=tools or 1,
+    )
+
+
+def _thinned(samples: Floats, sample_rate_hz: float, high: float) -> tuple[Floats, float]:
+    """Return the signal scaled to at most 2, at the lowest rate that keeps the band, not finite where it was not."""
+    good = np.isfinite(samples).all(axis=1)
+    filled = np.where(good[:, None], samples, 0.0)
+    largest = float(np.abs(filled).max(initial=0.0))
+    if largest > 0.0:
+        filled = filled * 2.0 ** -np.floor(np.log2(largest))
+    step = max(int(sample_rate_hz / (2.5 * high)), 1)
+    thin = resample_poly(filled, 1, step, axis=0, padtype="line") if step > 1 else filled
+    for index in np.flatnonzero(~good):
+        thin[max(index // step - 10, 0) : index // step + 11] = np.nan
+    return thin, sample_rate_hz / step
+
+
+def _judged(signal: Floats, rate: float, config: MonitorConfig, spindle_hz: float | None) -> list[Episode]:
+    """Take the quiet tenth of every bin for the reference, and ask the monitor."""
+    monitor = ChatterMonitor(config, rate, signal.shape[1])
+    power, square = monitor.levels(signal)
+    windows = len(power) * config.block / config.window
+    if windows >= 1.0 / QUIET:
+        # Power of noise is exponential: a quantile q stands -ln(1 - q) means high, and scatters as if from a tenth
+        # of the windows.
+        quiet = np.quantile(power, QUIET, axis=0, overwrite_input=True) / -np.log1p(-QUIET)
+        monitor.assume(quiet, float(np.quantile(square, QUIET)), QUIET * windows)
+    return episodes(monitor.process(signal, 0, spindle_hz=spindle_hz), rate, config.window)
