@@ -23,6 +23,8 @@ from services.record import CutSeries, RunRecord
 ENVELOPE_S = 0.005
 ONSET_HOLD_S = 0.020
 SUPPRESSED_HOLD_S = 0.5
+MISSED_S = 0.1
+"""A run stopped by hand sooner than this after onset has not missed the chatter yet (s)."""
 FIRST_SHIFT_DEG = 0.02
 """Departure of the realised shift (deg) that counts as moving: 4 um on a 25 mm bar, ten times the servo error."""
 CHATTER_STATE = "chatter"
@@ -242,8 +244,10 @@ def _outcome(record: RunRecord, onset: float | None) -> str:
     if any(event.kind == GIVE_UP_EVENT for event in record.events):
         return "gave_up"
     if detection_block(record) is None:
+        if not np.any(judged(record, record.controlled)):
+            return "undecided"
         if onset is not None:
-            return "missed"
+            return "missed" if not record.interrupted or _judged_after(record, onset) > MISSED_S else "undecided"
         return "forced" if "forced" in record.reports.kind else "stable"
     if command_blocks(record).size == 0:
         return "not_moved" if onset is not None or record.interrupted else "false_alarm"
@@ -257,9 +261,14 @@ def _outcome_of_move(record: RunRecord, onset: float | None) -> str:
     if onset is None:
         return "undecided" if record.interrupted else "false_alarm"
     shifted = first_shift_time(record)
-    inside = np.count_nonzero(judged(record, record.controlled)[round((shifted or 0.0) * record.sample_rate_hz) :])
-    enough = shifted is not None and inside / record.sample_rate_hz >= SUPPRESSED_HOLD_S
+    enough = shifted is not None and _judged_after(record, shifted) >= SUPPRESSED_HOLD_S
     return "not_suppressed" if enough and not record.interrupted else "undecided"
+
+
+def _judged_after(record: RunRecord, time_s: float) -> float:
+    """Measure how long the controlled cut was judged after a moment (s)."""
+    after = judged(record, record.controlled)[round(time_s * record.sample_rate_hz) :]
+    return int(np.count_nonzero(after)) / record.sample_rate_hz
 
 
 def _peak(record: RunRecord, cut: CutSeries) -> float | None:

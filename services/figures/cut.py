@@ -55,7 +55,6 @@ def motion_figure(view: View) -> Figure:
         low = min(axes.get_ylim()[0] for axes in grid[:2, 0])
         high = max(axes.get_ylim()[1] for axes in grid[:2, 0])
         grid[row, 0].set_ylim(low, high)
-    figure.draw_without_rendering()
     mark_times(grid[0, 0], view.marks_twin)
     mark_times(grid[1, 0], view.marks)
     mark_times(grid[1, 1], view.marks)

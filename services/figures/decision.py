@@ -50,7 +50,6 @@ def indicator_figure(view: View) -> Figure:
     _draw_indicator(top, view)
     _draw_states(states, view, window)
     _draw_frequency(bottom, view)
-    figure.draw_without_rendering()
     mark_times(top, view.marks)
     return figure
 
@@ -136,7 +135,6 @@ def shift_figure(view: View) -> Figure:
             draw_line(axes, view.time_s, offset, window, SHIFT)
             low, high = axes.get_ylim()
             axes.set_ylim(min(low, -0.5), max(high, 0.5))
-    figure.draw_without_rendering()
     mark_times(grid[0, 0], view.marks)
     mark_times(grid[0, 1], [mark for mark in view.marks if mark[1] != "tools enter"])
     return figure

@@ -27,7 +27,7 @@ def draw_force_pair(figure: Figure, view: View, left: Axes, right: Axes) -> None
     rate, top_hz = view.record.sample_rate_hz, top_frequency(view)
     cuts = (view.record.twin.force_x1_n, view.record.controlled.force_x1_n)
     pictures = [spectrogram(force, rate, view.window_s, top_hz) for force in cuts]
-    scale = scale_of(*pictures)
+    scale = scale_of(*pictures, least_top_db=15.0)
     left.set_title("Without control")
     right.set_title("With control")
     left.set_ylabel("frequency (Hz)")
@@ -45,7 +45,6 @@ def draw_force_pair(figure: Figure, view: View, left: Axes, right: Axes) -> None
             bar = figure.colorbar(image, ax=[left, right], pad=0.015, aspect=28)
             bar.set_label("estimated force on tool 1, X1 (dB over 1 N)")
             bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
-    figure.draw_without_rendering()
     mark_times(left, view.marks_twin)
     mark_times(right, view.marks)
     if pictures[1] is not None:
@@ -75,8 +74,8 @@ def _draw_found(axes: Axes, view: View, picture: Spectrogram) -> None:
     at = float(view.report_time_s[found][-1])
     inside = at < view.window_s[1] - 0.25 * np.ptp(view.window_s)
     offset = 0.015 * float(np.ptp(view.window_s)) * (1 if inside else -1)
-    say(axes, at + offset, float(told[found][-1]), f"found: {view.summary.chatter_hz:.0f} Hz", ALARM,
-        ha="left" if inside else "right")  # fmt: skip
+    height = float(told[found][-1]) + (0.0 if inside else 0.07 * axes.get_ylim()[1])
+    say(axes, at + offset, height, f"found: {view.summary.chatter_hz:.0f} Hz", ALARM, ha="left" if inside else "right")
 
 
 def _draw_shift(axes: Axes, view: View) -> None:

@@ -82,6 +82,5 @@ def _draw_vibration(axes: Axes, view: View) -> None:
         ha="right", va="bottom")  # fmt: skip
     if apart:
         say(axes, right, 1.2 * ends[1], "with control", CONTROLLED, ha="right", va="bottom")
-    if view.summary.first_shift_s is not None:
-        axes.axvspan(view.summary.first_shift_s, view.summary.suppressed_s or view.window_s[1], color=SHIFT,
-                     alpha=0.08, linewidth=0)  # fmt: skip
+    if view.summary.first_shift_s is not None and view.summary.suppressed_s is not None:
+        axes.axvspan(view.summary.first_shift_s, view.summary.suppressed_s, color=SHIFT, alpha=0.08, linewidth=0)

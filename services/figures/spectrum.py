@@ -55,14 +55,17 @@ def spectrogram(
     return Spectrogram(time_s=time_s, frequency_hz=frequency[keep], level_db=level)
 
 
-def scale_of(*pictures: Spectrogram | None) -> tuple[float, float]:
-    """Find one colour scale (dB) for several spectrograms: from the common floor to the strongest line."""
+def scale_of(*pictures: Spectrogram | None, least_top_db: float = -200.0) -> tuple[float, float]:
+    """Find one colour scale (dB) for several spectrograms: from the common floor to the strongest line.
+
+    `least_top_db` keeps plain noise from being stretched until it looks like something.
+    """
     shown = [picture for picture in pictures if picture is not None]
     if not shown:
         return -40.0, 20.0
     top = max(float(np.percentile(picture.level_db, 99.97)) for picture in shown)
     floor = min(float(np.percentile(picture.level_db, 55.0)) for picture in shown)
-    high = 5.0 * np.ceil(top / 5.0)
+    high = max(5.0 * np.ceil(top / 5.0), least_top_db)
     return float(max(min(5.0 * np.floor(floor / 5.0), high - 40.0), high - 60.0)), float(high)
 
 
