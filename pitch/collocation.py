@@ -27,21 +27,29 @@ def delay_eigenvalues(
     Returns
     -------
     ndarray
-        All eigenvalues of the discretisation (1/s), shape (d * (nodes + 1),), unordered.
+        All eigenvalues of the discretisation (1/s), shape (d + r * nodes,), unordered; r is the number of states whose
+        past is read at all, and only their past is carried along.
     """
     size, longest = len(present), max(delay for _, delay in delayed)
+    read = np.flatnonzero(sum(np.abs(matrix).sum(axis=0) for matrix, _ in delayed))
+    if not len(read):
+        return np.linalg.eigvals(present).astype(np.complex128)
     points, weights = _chebyshev(nodes)
-    generator = np.kron(_differentiation(points, weights) * (2 / longest), np.eye(size))
-    generator[:size] = 0.0
+    slope = _differentiation(points, weights) * (2 / longest)
+    generator = np.zeros((size + len(read) * nodes,) * 2)
     generator[:size, :size] = present
+    generator[size:, read] = np.kron(slope[1:, :1], np.eye(len(read)))
+    generator[size:, size:] = np.kron(slope[1:, 1:], np.eye(len(read)))
     for matrix, delay in delayed:
-        generator[:size] += np.kron(_interpolation(points, weights, 1 - 2 * delay / longest), matrix)
+        row = _interpolation(points, weights, 1 - 2 * delay / longest)
+        generator[:size, read] += row[0, 0] * matrix[:, read]
+        generator[:size, size:] += np.kron(row[:, 1:], matrix[:, read])
     return np.linalg.eigvals(generator).astype(np.complex128)
 
 
 def _chebyshev(nodes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return points from 1 (now) to -1 (the longest delay ago) and their barycentric weights."""
-    weights = (-1.0) ** np.arange(nodes + 1)
+    weights = ((-1.0) ** np.arange(nodes + 1)).astype(np.float64)
     weights[[0, -1]] /= 2
     points = np.sin(np.pi / 2 * (1 - 2 * np.arange(nodes + 1) / nodes))
     return points.astype(np.float64), weights

@@ -33,7 +33,7 @@ from scipy.optimize import brentq
 from pitch._checks import finite, positive, within
 from pitch.collocation import delay_eigenvalues
 
-_MAX_NODES = 1000  # eigenvalues of 2000 x 2000 take several seconds; beyond, refuse
+_MAX_NODES = 2000  # eigenvalues of 2000 x 2000 take several seconds; beyond, refuse
 _MAX_SAMPLES = 20_000_000
 _PER_TURN = 48  # samples of the crossing condition per turn of its fastest phase
 
