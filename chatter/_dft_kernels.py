@@ -44,6 +44,15 @@ def _emit(old_re, old_im, new_re, new_im, state, base, tables, turn, fine, power
 
 
 @njit(cache=True, fastmath=False)
+def _put(state, at, a, b, c, d):
+    """Write one part of the state of a tile."""
+    store(state, at, a)
+    store(state, at + 8, b)
+    store(state, at + 16, c)
+    store(state, at + 24, d)
+
+
+@njit(cache=True, fastmath=False)
 def _slide(series, channel, count, hop, left, tables, row, turn, state, place, power, out, at, step):
     """Advance one channel in one tile by ``count`` samples; write every hop-th, the first after ``left``."""
     o, n, b = place + OLD * PAIR, place + NEW * PAIR, place + BASE * PAIR
@@ -67,8 +76,8 @@ def _slide(series, channel, count, hop, left, tables, row, turn, state, place, p
             left = hop
         if i >= count:
             break
-    store(state, o, o0), store(state, o + 8, o1), store(state, o + 16, o2), store(state, o + 24, o3)
-    store(state, n, n0), store(state, n + 8, n1), store(state, n + 16, n2), store(state, n + 24, n3)
+    _put(state, o, o0, o1, o2, o3)
+    _put(state, n, n0, n1, n2, n3)
 
 
 @njit(cache=True, fastmath=False)

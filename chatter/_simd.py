@@ -15,10 +15,11 @@ fma            a * b + c, rounded once where the processor can
 =============  ===========================================================
 """
 
-import numba
+from typing import Any
+
 import numpy as np
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba.core import cgutils, config, types
 from numba.extending import intrinsic, models, register_model
 
 WIDTH = 8
@@ -92,7 +93,7 @@ def _splat(_context, value):
     return _LANES(types.float64), code
 
 
-def _binary(operation):
+def _binary(operation) -> Any:
     @intrinsic
     def operate(_context, a, b):
         def code(context, builder, signature, args):
@@ -113,29 +114,32 @@ def _fma(_context, a, b, c):
     return _LANES(_LANES, _LANES, _LANES), code
 
 
-if numba.config.DISABLE_JIT:
+def _plain_load(x, i):
+    return x[i : i + WIDTH].copy()
 
-    def load(x, i):
-        """Return eight values."""
-        return x[i : i + WIDTH].copy()
 
-    def store(x, i, a):
-        """Write eight values."""
-        x[i : i + WIDTH] = a
+def _plain_store(x, i, a):
+    x[i : i + WIDTH] = a
 
-    def store_pairs(x, i, a, b):
-        """Write sixteen values, alternately of both."""
-        x[i : i + 2 * WIDTH : 2], x[i + 1 : i + 2 * WIDTH : 2] = a, b
 
-    def splat(value):
-        """Return one number in all lanes."""
-        return np.full(WIDTH, value)
+def _plain_store_pairs(x, i, a, b):
+    x[i : i + 2 * WIDTH : 2], x[i + 1 : i + 2 * WIDTH : 2] = a, b
 
-    def fma(a, b, c):
-        """Return a * b + c."""
-        return a * b + c
 
-    add, sub, mul = np.add, np.subtract, np.multiply
-else:
-    load, store, store_pairs, splat, fma = _load, _store, _store_pairs, _splat, _fma
-    add, sub, mul = _binary("fadd"), _binary("fsub"), _binary("fmul")
+def _plain_splat(value):
+    return np.full(WIDTH, value)
+
+
+def _plain_fma(a, b, c):
+    return a * b + c
+
+
+_PLAIN: tuple[Any, ...] = (_plain_load, _plain_store, _plain_store_pairs, _plain_splat, _plain_fma)
+_COMPILED: tuple[Any, ...] = (_load, _store, _store_pairs, _splat, _fma)
+
+_INTERPRETED: bool = config.DISABLE_JIT  # pyright: ignore[reportAttributeAccessIssue]
+
+load, store, store_pairs, splat, fma = _PLAIN if _INTERPRETED else _COMPILED
+add: Any = np.add if _INTERPRETED else _binary("fadd")
+sub: Any = np.subtract if _INTERPRETED else _binary("fsub")
+mul: Any = np.multiply if _INTERPRETED else _binary("fmul")

@@ -30,12 +30,15 @@ def twiddles(frequencies_hz: NDArray[np.float64], samples: ArrayLike, sample_rat
     high = frequencies_hz.astype(np.float32).astype(np.float64)  # 24 bits: high * index is exact, and so is the rest
     middle = (frequencies_hz - high).astype(np.float32).astype(np.float64)
     low = frequencies_hz - high - middle
-    parts = [np.fmod(part * index, sample_rate_hz) for part in (low, middle, high)]
-    cycles = np.fmod(parts[0] + parts[1] + parts[2], sample_rate_hz) / sample_rate_hz
-    quarter = np.rint(4.0 * cycles)
-    angle = 2.0 * np.pi * (cycles - 0.25 * quarter)
+    rest, quarters = 0.0, 0.0
+    for part in (low, middle, high):  # each reduced to an eighth of a cycle without rounding, then smallest first
+        left = np.fmod(part * index, sample_rate_hz)
+        quarter = np.rint(4.0 * left / sample_rate_hz)
+        rest = rest + (left - quarter * (0.25 * sample_rate_hz))
+        quarters = quarters + quarter
+    angle = 2.0 * np.pi * (rest / sample_rate_hz)
     cosine, sine = np.cos(angle), np.sin(angle)
-    turn = quarter.astype(np.int64) % 4
+    turn = quarters.astype(np.int64) % 4
     return np.stack([np.choose(turn, [cosine, -sine, -cosine, sine]), np.choose(turn, [sine, cosine, -sine, -cosine])])
 
 

@@ -53,7 +53,7 @@ def test_hops_of_a_long_block_are_those_of_single_updates(hop, before, samples, 
     np.testing.assert_allclose(whole.update(y[:5]), single.update(rest), rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("frequencies_hz", [np.arange(500.0, 701.0, 25.0), np.array([500.1, 612.34, np.pi * 200])])
+@pytest.mark.parametrize("frequencies_hz", [np.arange(500.0, 701.0, 25.0), np.linspace(500.1, 699.9, 9)])
 def test_error_does_not_grow(frequencies_hz):
     sliding = SlidingDFT(frequencies_hz, 9000, RATE)
     exact = ExactDFT(frequencies_hz, 9000, RATE)
@@ -62,7 +62,7 @@ def test_error_does_not_grow(frequencies_hz):
     for stop in (9000, 17_999, 18_000, 100_001, 200_123):
         got = sliding.update(y[sliding.seen : stop])[0]
         errors.append(error(got, exact(y[stop - 9000 : stop, 0])))
-    assert max(errors) < 3e-15
+    assert max(errors) < 1e-15
 
 
 def test_spike_leaves_no_trace():
@@ -72,6 +72,14 @@ def test_spike_leaves_no_trace():
     got = sliding.update(y[:900])
     fresh = SlidingDFT([500.0, 612.3], 900, RATE).update(y[:900])
     assert error(got, fresh) < 1e-13
+
+
+def test_any_blocks_give_the_same_bits():
+    y = stream(2500, 2)
+    sliding, whole = (SlidingDFT([500.0, 612.3], 1000, RATE, 2) for _ in range(2))
+    cuts = np.random.default_rng(1).integers(0, 200, 40).cumsum()
+    got = [sliding.update(piece) for piece in np.split(y, cuts[cuts < 2500])][-1]
+    np.testing.assert_array_equal(got, whole.update(y))
 
 
 def test_phase_of_a_tone_is_counted_from_the_oldest_sample():
