@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import platform
 import uuid
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
@@ -35,7 +34,7 @@ from services.nodes.controller import ControllerNode
 from services.nodes.machine import MachineNode, make_plant
 from services.nodes.monitor import MonitorNode
 from services.record import CutSeries, ReportSeries, RunRecord
-from turning_sim import PlantBlock, Simulator
+from turning_sim import PlantBlock, Simulator, slides_of_shift
 
 STRETCH = 0.8e-3
 """Length of part for one value of Ra (m): the sampling length of ISO 4288 for Ra 0.1...2 um."""
@@ -108,8 +107,6 @@ def run_case(
 
 def open_loop(case: Case, plant: Simulator, still: Floats, shift: float = 0.0) -> PlantBlock:
     """Advance a plant whose turret stands at one shift (rad) for `still.size` samples."""
-    from turning_sim import slides_of_shift  # noqa: PLC0415
-
     x1, y1 = slides_of_shift(shift, plant.diameter, case.drives.axis_angle)
     return plant.advance(still + x1, still + y1)
 
@@ -297,14 +294,3 @@ def _ra_from(record: RunRecord, cut: CutSeries, plant: Simulator, start_s: float
         return None
     ra = plant.roughness(1e-3 * first, 1e-3 * last)
     return 1e6 * ra if math.isfinite(ra) else None
-
-
-@contextmanager
-def nothing() -> Iterator[Progress]:
-    """A progress bar that shows nothing."""
-    yield lambda _: None
-
-
-def with_seed(case: Case, seed: int | None) -> int:
-    """Return the seed of the command line, or the case's."""
-    return replace(case.settings).seed if seed is None else seed

@@ -22,7 +22,7 @@ def pitch(
     as_json: JsonFlag = False,
 ) -> None:
     """Say where turret 1 must stand so that the two waves meet in the wanted phase."""
-    from pitch import pitch_difference_for_phase, turret_offset  # noqa: PLC0415
+    from pitch import pitch_difference_for_phase, turret_offset
 
     positive("chatter-hz", chatter_hz, "Hz")
     positive("speed-rpm", speed_rpm, "1/min")
@@ -69,7 +69,7 @@ def stability(
     as_json: JsonFlag = False,
 ) -> None:
     """Give the limit of stability of one bending mode between two tools, and the root at a given stiffness."""
-    from pitch import OneModeProcess, critical_stiffness, rightmost_root  # noqa: PLC0415
+    from pitch import OneModeProcess, critical_stiffness, rightmost_root
 
     positive("mass-kg", mass_kg, "kg")
     positive("natural-hz", natural_hz, "Hz")

@@ -90,7 +90,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _run(arguments: list[str], as_json: bool) -> int:
-    from services.cli import verbs  # noqa: F401, PLC0415  (registers the verbs)
+    from services.cli import verbs  # noqa: F401  (registers the verbs)
 
     try:
         code = app(args=arguments, standalone_mode=False, prog_name="antiphase")

@@ -64,6 +64,7 @@ def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: fl
     with progress_bar(case.name) as progress:
         outcome = run_case(case, used, WallClock(), arm_after_s=arm_after_s, progress=progress)
         written = _write(outcome, out)
+        progress(1.0)
     text = words(outcome)
     if written:
         text += "".join(f"\nwrote {path}" for path in written)
@@ -74,17 +75,20 @@ def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: fl
 def _write(outcome: Outcome, out: pathlib.Path | None) -> list[pathlib.Path]:
     if out is None:
         return []
-    from services.report import write_all  # noqa: PLC0415
+    from services.figures import write_figures
+    from services.report import write_report, write_summary
 
     out.mkdir(parents=True, exist_ok=True)
-    return write_all(outcome.record, outcome.summary, out)
+    record, summary = outcome.record, outcome.summary
+    return [write_summary(summary, out), *write_figures(record, summary, out), write_report(record, summary, out)]
 
 
 def words(outcome: Outcome) -> str:
     """Return what happened, as a machinist would say it."""
-    from services.sentences import verdict  # noqa: PLC0415
+    from services.sentences import verdict
 
-    return verdict(outcome.record, outcome.summary)
+    said = verdict(outcome.record, outcome.summary)
+    return "\n".join((said.title, *said.sentences))
 
 
 @app.command()
@@ -99,7 +103,7 @@ def simulate(
     as_json: JsonFlag = False,
 ) -> None:
     """Cut without control: what the bar does at one shift."""
-    from services.open_cut import OpenCut, cut_open  # noqa: PLC0415
+    from services.open_cut import OpenCut, cut_open
 
     config = load_case(case)
     limit = math.degrees(config.limits.shift)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pathlib
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import typer
@@ -42,8 +43,8 @@ def detect(
     as_json: JsonFlag = False,
 ) -> None:
     """Find chatter in a recording: when, at what frequency, and whether it is regenerative or forced."""
-    from chatter import detect_recording  # noqa: PLC0415
-    from services.importers.load import load_recording  # noqa: PLC0415
+    from chatter import detect_recording
+    from services.importers.load import load_recording
 
     if rate_hz is not None:
         positive("rate-hz", rate_hz, "Hz")
@@ -62,13 +63,15 @@ def detect(
         "rate_hz": recording.rate_hz,
         "duration_s": recording.duration_s,
         "verdict": verdict.verdict,
-        "events": [event.as_dict() for event in verdict.events],
+        "events": [
+            {"start_s": e.start, "end_s": e.end, "frequency_hz": e.frequency_hz, "kind": e.kind} for e in verdict.events
+        ],
         "notes": [*recording.notes, *verdict.notes],
     }
     if verdict.reason:
         raise RefusalError(verdict.reason, answer)
     if out is not None:
-        answer["written"] = _write(answer, recording.rate_hz, signal, out)
+        answer["written"] = [str(_draw(verdict, recording.rate_hz, signal, limits, f"{file.name}, {name}", out))]
     for note in answer["notes"]:
         console.print(f"note: {note}", markup=False, highlight=False)
     emit(answer, _words(answer), as_json)
@@ -85,9 +88,19 @@ def _words(answer: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _write(answer: dict[str, Any], rate_hz: float, signal: Any, out: pathlib.Path) -> list[str]:
-    from services.figures import detection_figure, save  # noqa: PLC0415
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    start_s: float
+    end_s: float
+    frequency_hz: float
+    kind: str
 
-    out.mkdir(parents=True, exist_ok=True)
-    figure = detection_figure(signal, rate_hz, answer["events"], title=f"{answer['file']}: {answer['verdict']}")
-    return [str(save(figure, out / "detect.png"))]
+
+def _draw(
+    verdict: Any, rate_hz: float, signal: Any, band: tuple[float, float] | None, title: str, out: pathlib.Path
+) -> pathlib.Path:
+    from services.figures import detection_figure, write_detection_figure
+
+    events = [_Drawn(e.start, e.end, e.frequency_hz, e.kind) for e in verdict.events]
+    figure = detection_figure(signal, rate_hz, verdict=verdict.verdict, events=events, band_hz=band, title=title)
+    return write_detection_figure(figure, out / "detect.png")

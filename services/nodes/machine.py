@@ -17,8 +17,8 @@ from turning_sim import PlantBlock, Simulator
 SOURCE = "machine"
 
 
-def make_plant(case: Case, seed: int, initial_shift: float = 0.0) -> Simulator:
-    """Return the plant of a case at rest, before its first sample."""
+def make_plant(case: Case, seed: int, initial_shift: float = 0.0, air_time: float | None = None) -> Simulator:
+    """Return the plant of a case at rest, before its first sample; another time in air (s) may be wanted."""
     settings = case.settings
     return Simulator(
         workpiece=case.workpiece,
@@ -26,7 +26,7 @@ def make_plant(case: Case, seed: int, initial_shift: float = 0.0) -> Simulator:
         drives=case.drives,
         sample_rate_hz=settings.sample_rate_hz,
         start_position=settings.start_position,
-        air_time=settings.air_time,
+        air_time=settings.air_time if air_time is None else air_time,
         seed=seed,
         initial_shift=initial_shift,
     )

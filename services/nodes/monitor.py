@@ -28,6 +28,7 @@ class MonitorNode:
         rate = case.settings.sample_rate_hz
         self._run = run
         self._observer = LoadSideObserver(case.belief, rate, case.settings.force_cutoff_hz)
+        self._latency = self._observer.latency
         self._monitor = ChatterMonitor(case.monitor, rate, channels=2)
         self._next: int | None = None
         self._state = ""
@@ -50,7 +51,7 @@ class MonitorNode:
                 sample_rate_hz=message.sample_rate_hz,
                 force_x1_n=force[:, 0],
                 force_y1p_n=force[:, 1],
-                latency_s=self._observer.latency,
+                latency_s=self._latency,
             )
         ]
         estimates = self._monitor.process(
