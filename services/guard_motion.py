@@ -30,6 +30,9 @@ ORDERS = ("speed", "acceleration", "jerk")
 RESUME_S = 1.0
 """Time over which the distance between where a stop ended and where the path restarts is taken out (s)."""
 
+LONGEST_STOP_S = 2.0
+"""Duration of the slowest stop that is considered (s)."""
+
 
 class Way(NamedTuple):
     """Where the set points of a block may lie: shift from `low` to `high` (rad), on the arc of `radius` (m)."""
@@ -71,11 +74,13 @@ class Envelope:
         ease = np.arange(1, limits.samples(RESUME_S) + 1) / limits.samples(RESUME_S)
         self._ease = 1.0 - ease**3 * (10.0 - 15.0 * ease + 6.0 * ease**2)
         self._stops = self._shapes()
+        self._lengths = np.array([[len(shape[0]) - 3.0 for shape in self._stops]])
         position = np.array(start, dtype=np.float64).reshape(3)
         why = self.beyond(position[:, None])
         if why:
             raise ValueError(f"start must be within the limits, got {why}")
         self._history = np.repeat(position[:, None], max(self._lag, 3), axis=1)
+        self._still = self._history.shape[1]
         self._stop = self._history[:, :0]
         self._reference = self._nowhere = np.full((3, 1), np.nan)
         self._bias, self._eased, self._held = np.zeros((3, 1)), 0, True
@@ -112,6 +117,8 @@ class Envelope:
         points = _parse(request, samples)
         if points is None:
             return "path is not three series of numbers of the block's length"
+        if self._stands(points):
+            return ""
         bias, eased = self._joint()
         if why := self.beyond(points) or self._astray(points, way) or self._apart(bias):
             return why
@@ -119,24 +126,24 @@ class Envelope:
         points[:, : len(ease)] += bias * ease
         if why := self._violation(self._history, points, self.travel):
             return why
-        history, travel = self._joined(points)
         fastest = float(np.abs(np.diff(points[0], prepend=self._history[0, -1])).max()) * self._limits.sample_rate_hz
         if fastest > way.speed:
             return f"path is faster than asked: shift {fastest:.6g}"
-        stop = self._way_to_stop(history, travel)
+        stop = self._way_to_stop(points)
         if stop is None:
             return "no room to stop after this block"
-        self._history, self.travel, self._stop = history, travel, stop
-        self._bias, self._eased, self._held = bias, eased + len(ease), False
+        self._issue(points)
+        self._stop = stop
+        self._bias, self._eased, self._held = bias, eased + len(ease) if bias.any() else len(self._ease), False
         return ""
 
     def hold(self, request: Sequence[object], samples: int) -> None:
         """Issue the stored stop or stay, and note where the path rests meanwhile, so that it can be rejoined."""
+        self.settled = not self.moving
         points = np.repeat(self.rest[:, None], samples, axis=1)
         part = self._stop[:, :samples]
         points[:, : part.shape[1]] = part
-        self.settled = not self.moving
-        self._history, self.travel = self._joined(points)
+        self._issue(points)
         self._stop = self._stop[:, samples:]
         parsed = _parse(request, samples)
         self._reference, self._held = (self._nowhere if parsed is None else parsed[:, -1:]), True
@@ -160,16 +167,26 @@ class Envelope:
         ok = np.abs(error) <= self._following
         return "" if ok.all() else _worst(AXES[:3], "following error", error, ok)
 
-    def _joined(self, points: Floats) -> tuple[Floats, Floats]:
-        """History and travel after some points."""
-        joined = np.concatenate((self._history, points), axis=1)
-        steps = np.abs(np.diff(joined[:, -points.shape[1] - 1 :]))
-        length = max(self._history.shape[1], points.shape[1])
-        return joined[:, -length:], self.travel + steps.sum(axis=1, keepdims=True)
+    def _joined(self, points: Floats) -> Floats:
+        """History after some points, long enough for all limits and for comparison with what is measured."""
+        return np.concatenate((self._history, points), axis=1)[:, -max(self._history.shape[1], points.shape[1]) :]
+
+    def _issue(self, points: Floats) -> None:
+        """Put checked points behind the history."""
+        steps = np.abs(np.diff(np.concatenate((self._history[:, -1:], points), axis=1)))
+        self.travel = self.travel + steps.sum(axis=1, keepdims=True)
+        self._still = 0 if steps.any() else self._still + points.shape[1]
+        self._history = self._joined(points)
 
     def _joint(self) -> tuple[Floats, int]:
         """Distance from the path to what is issued, and how many samples ago it began to be taken out."""
         return (self._history[:, -1:] - self._reference, 0) if self._held else (self._bias, self._eased)
+
+    def _stands(self, points: Floats) -> bool:
+        """Whether a path stays where everything in the history is: the usual block, with nothing left to check."""
+        done = not self._held and self._eased >= len(self._ease) and self._still >= self._history.shape[1]
+        fits = points.shape[1] <= self._history.shape[1]
+        return done and fits and bool((points == self._history[:, -1:]).all())
 
     def _apart(self, bias: Floats) -> str:
         """Say whether a path rested too far from where the last stop ended, or nowhere."""
@@ -205,17 +222,18 @@ class Envelope:
         ok = total <= self._most
         return "" if ok.all() else _worst(AXES[:3], "total travel", total, ok)
 
-    def _way_to_stop(self, history: Floats, travel: Floats) -> Floats | None:
-        """Shortest stop from the end of a history that keeps every limit; None if there is none."""
+    def _way_to_stop(self, block: Floats) -> Floats | None:
+        """Shortest stop after a block (3, n) that keeps every limit; None if there is none."""
+        history = self._joined(block)
         last = history[:, -3:]
         speed, before = last[:, 2:] - last[:, 1:2], last[:, 1:2] - last[:, :1]
         change = speed - before
         if not speed.any() and not change.any():
             return last[:, :0]
-        length = np.array([[len(shape[0]) - 3.0 for shape in self._stops]])
-        jerk = 6.0 * np.abs(speed) / length**2 + 4.0 * np.abs(change) / length
-        fits = ((jerk <= self._rates[2]) & (1.5 * np.abs(speed) / length <= self._rates[1])).all(axis=0)
-        for of_speed, of_change in self._stops[int(fits.argmax()) :]:
+        jerk = 6.0 * np.abs(speed) / self._lengths**2 + 4.0 * np.abs(change) / self._lengths
+        fits = (jerk <= self._rates[2]) & (1.5 * np.abs(speed) / self._lengths <= self._rates[1])
+        travel = self.travel + np.abs(np.diff(block, prepend=self._history[:, -1:])).sum(axis=1, keepdims=True)
+        for of_speed, of_change in self._stops[int(fits.all(axis=0).argmax()) :]:
             points = last[:, 2:] + speed * of_speed + change * of_change
             if not self._violation(history, points, travel):
                 return points
@@ -226,6 +244,7 @@ class Envelope:
         speed, acceleration, jerk = (rate[:, 0] for rate in self._rates)
         longest = (4 * acceleration + np.sqrt(16 * acceleration**2 + 24 * speed * jerk)) / (2 * jerk)
         most = 1.5 * float(np.maximum(longest, 3 * speed / acceleration).max())
+        most = min(most, self._limits.samples(LONGEST_STOP_S))
         shapes: list[tuple[Floats, Floats]] = []
         length = 8.0
         while length < 1.25 * most or not shapes:
