@@ -28,7 +28,9 @@ MISSED_S = 0.1
 FIRST_SHIFT_DEG = 0.02
 """Departure of the realised shift (deg) that counts as moving: 4 um on a 25 mm bar, ten times the servo error."""
 CHATTER_STATE = "chatter"
-"""The `state` of a report that says: this is chatter."""
+"""The `state` of a report that raises the alarm."""
+FORCED_KIND = "forced"
+"""The `kind` of a line that follows the spindle: an alarm, but not chatter."""
 GIVE_UP_EVENT = "give_up"
 """The `kind` of the event by which the controller says that no pitch helps, and why."""
 
@@ -89,8 +91,15 @@ def block_end(record: RunRecord, block: int) -> float:
 
 
 def detection_block(record: RunRecord) -> int | None:
-    """Index of the first report that says chatter."""
-    return next((i for i, state in enumerate(record.reports.state) if state == CHATTER_STATE), None)
+    """Find the first report that says chatter, and not that the vibration is forced."""
+    said = zip(record.reports.state, record.reports.kind, strict=True)
+    return next((i for i, (state, kind) in enumerate(said) if state == CHATTER_STATE and kind != FORCED_KIND), None)
+
+
+def forced_block(record: RunRecord) -> int | None:
+    """Find the first report whose alarm is a vibration forced by the spindle."""
+    said = zip(record.reports.state, record.reports.kind, strict=True)
+    return next((i for i, (state, kind) in enumerate(said) if state == CHATTER_STATE and kind == FORCED_KIND), None)
 
 
 def command_blocks(record: RunRecord) -> NDArray[np.intp]:
@@ -248,7 +257,7 @@ def _outcome(record: RunRecord, onset: float | None) -> str:
             return "undecided"
         if onset is not None:
             return "missed" if not record.interrupted or _judged_after(record, onset) > MISSED_S else "undecided"
-        return "forced" if "forced" in record.reports.kind else "stable"
+        return "stable" if forced_block(record) is None else "forced"
     if command_blocks(record).size == 0:
         return "not_moved" if onset is not None or record.interrupted else "false_alarm"
     return _outcome_of_move(record, onset)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from services.metrics import Summary
 from services.record import RunRecord
-from services.sentences import NOTHING, arc_mm, number, tiles, verdict
+from services.sentences import NOTHING, arc_mm, limit_source, number, tiles, verdict
 
 TONE_WORDS = {"good": "Good", "warn": "Look closer", "bad": "Not good", "neutral": "Nothing to judge"}
 
@@ -20,13 +20,13 @@ CAPTIONS = {
     "spectrograms": (
         "The cutting force, as it would sound.",
         "Each column is a short-time spectrum of the force estimated from the feed drive; darker is stronger, on one "
-        "scale for both. Chatter shows as a dark line between the dashed edges of the band; where turret 1 was shifted, "
-        "the shift is drawn in green.",
+        "scale for both. Chatter shows as a dark line between the dashed edges of the band. Where turret 1 was "
+        "shifted, the shift is drawn in green.",
     ),
     "indicator": (
         "How chatter was told from quiet cutting.",
-        "The indicator is the variance of the estimated force inside the band. Its limit (dashed) is learned on the "
-        "machine, in air first and then in the first quiet cutting. Points above the limit are purple.",
+        "The indicator is the root of the moving variance of the estimated force in the band. Its limit (dashed) is "
+        "learned on the machine, in air first and then in the first quiet cutting. Points above the limit are purple.",
     ),
     "shift": (
         "What turret 1 was asked to do, and did.",
@@ -242,8 +242,8 @@ def _limits(record: RunRecord, summary: Summary) -> str:
         ("Shift of turret 1", f"±{number(record.shift_limit_deg, 2, '°')}", "checked by the guard of the machine"),
         ("Chatter band", f"{low:.0f} to {high:.0f} Hz", "where chatter is looked for"),
         ("Vibration threshold", number(record.threshold_um, 2, "µm"), "5 % of the feed per tool"),
-        ("Indicator limit", NOTHING if last is None or not math.isfinite(last) else f"{last:.3g} N²",
-         f"at the end of the run; the limit that decided was learned: {summary.limit_source or 'none'}"),
+        ("Indicator limit", NOTHING if last is None or not math.isfinite(last) else f"{last:.3g} N",
+         f"at the end of the run; the one that decided: {limit_source(summary.limit_source)}"),
         ("Spindle speed", f"{record.spindle_speed_rpm:g} min⁻¹", f"feed {record.feed_mm_per_rev:g} mm per revolution"),
         ("Bar diameter", number(record.diameter_mm, 2, "mm"), "at the tools"),
     ]  # fmt: skip

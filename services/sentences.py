@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from services.metrics import Summary
+from services.metrics import Summary, forced_block
 from services.record import RunRecord
 
 Tone = Literal["good", "warn", "bad", "neutral"]
@@ -20,6 +20,21 @@ class Verdict:
     tone: Tone
     title: str
     sentences: tuple[str, ...]
+
+
+LIMIT_SOURCES = {
+    "air": "learned in air",
+    "configured": "expected value, until quiet cutting is learned",
+    "cutting": "learned in quiet cutting",
+    "reference": "learned from a reference",
+    "spectrum": "from the spectrum itself",
+    "none": "not learned yet",
+}
+
+
+def limit_source(source: str | None) -> str:
+    """Say where a limit comes from."""
+    return LIMIT_SOURCES.get(source or "none", source or "none")
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:
@@ -117,8 +132,8 @@ def _stable(record: RunRecord, summary: Summary) -> Told:
 
 
 def _forced(record: RunRecord, summary: Summary) -> Told:
-    at = next((f for f, kind in zip(record.reports.frequency_hz, record.reports.kind, strict=True)
-               if kind == "forced" and math.isfinite(f)), None)  # fmt: skip
+    block = forced_block(record)
+    at = None if block is None else float(record.reports.frequency_hz[block])
     return "warn", f"Forced vibration at {number(at, 0, 'Hz')}, no chatter", [
         "The vibration follows the rotation of the spindle: it is driven from outside and does not feed itself.",
         "Moving turret 1 would not help, so it stayed where it was. Look for run-out, a bearing, a belt or a gear.",

@@ -87,7 +87,10 @@ def _draw_vibration(
 
 def _draw_deflection(axes: Axes, view: View, window_s: tuple[float, float]) -> None:
     part, cut = slice_of(view.time_s, window_s), view.record.controlled
-    for values, colour, word in ((cut.bar_displacement_um, CONTROLLED, "bar"), (cut.tool_radial_um, MUTED, "tool 1")):
+    for values, colour, word, side in (
+        (cut.bar_displacement_um, CONTROLLED, "bar", "bottom"),
+        (cut.tool_radial_um, MUTED, "tool 1", "top"),
+    ):
         shown = values[part]
         if shown.size == 0:
             return
@@ -96,7 +99,7 @@ def _draw_deflection(axes: Axes, view: View, window_s: tuple[float, float]) -> N
         else:
             axes.plot(view.time_s[part], shown, color=colour, linewidth=0.9)
         right = window_s[1] - 0.01 * (window_s[1] - window_s[0])
-        say(axes, right, float(np.mean(shown[-shown.size // 8 :])), word, colour, ha="right", va="bottom")
+        say(axes, right, float(np.mean(shown[-shown.size // 8 :])), word, colour, ha="right", va=side)
 
 
 @styled
@@ -138,7 +141,7 @@ def draw_roughness(axes: Axes, view: View) -> None:
 
 
 def _end_of(values: Floats) -> float:
-    return float(np.median(values[-values.size // 3 - 1 :])) if values.size else 0.0
+    return float(np.max(values[-values.size // 3 - 1 :])) if values.size else 0.0
 
 
 def _draw_marked(axes: Axes, view: View) -> None:

@@ -26,9 +26,10 @@ from services.figures.style import (
 from services.figures.view import View
 from services.messages import Floats
 from services.metrics import CHATTER_STATE
+from services.sentences import limit_source
 
-STATE_COLOURS = {CHATTER_STATE: "#d9a5c1", "forced": "#f0cf8e", "suspect": "#eadbe4", "cutting": "#dbe8f2",
-                 "monitoring": "#dbe8f2", "quiet": "#dbe8f2", "stable": "#dbe8f2"}  # fmt: skip
+STATE_COLOURS = {CHATTER_STATE: "#d9a5c1", "suspect": "#f0e2ea", "quiet": "#dbe8f2", "gap": "#f0cf8e",
+                 "invalid": "#f0cf8e"}  # fmt: skip
 OTHER_STATE = "#eceff1"
 
 
@@ -37,15 +38,15 @@ def indicator_figure(view: View) -> Figure:
     """Draw the indicator against the limit that was learned, the state it led to, and the frequency found."""
     figure = new_figure(12.4, 6.0)
     top, states, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[3.2, 0.34, 1.5])
-    top.set_title("Chatter indicator and the limit learned on this machine")
-    top.set_ylabel("variance in the band (N²)")
+    top.set_title("Chatter indicator and its limit")
+    top.set_ylabel("force in the band, RMS (N)")
     bottom.set_ylabel("frequency (Hz)")
     bottom.set_xlabel("time (s)")
     states.set_axis_off()
     if view.report_time_s.size == 0:
         say_nothing(top, "no reports")
         return figure
-    window = (0.0, view.window_s[1])
+    window = (0.0, view.summary.simulated_s)
     top.set_xlim(*window)
     _draw_indicator(top, view)
     _draw_states(states, view, window)
@@ -59,7 +60,7 @@ def _draw_indicator(axes: Axes, view: View) -> None:
     axes.set_yscale("log")
     axes.step(at, positive(reports.limit), where="pre", color=INK, linewidth=1.3, linestyle=(0, (5, 2)))
     axes.step(at, positive(reports.indicator), where="pre", color=CONTROLLED, linewidth=1.4)
-    over = np.isfinite(reports.limit) & (reports.indicator > reports.limit)
+    over = (reports.limit > 0.0) & (reports.indicator > reports.limit)
     axes.plot(at[over], reports.indicator[over], ".", color=ALARM, markersize=5)
     drawn = at <= axes.get_xlim()[1]
     last = int(np.flatnonzero(drawn)[-1]) if np.any(drawn) else 0
@@ -71,7 +72,7 @@ def _draw_indicator(axes: Axes, view: View) -> None:
         if source and limit.size and begin <= last and at[min(end - 1, last)] - at[begin] > 0.12 * span:
             final = end > last
             say(axes, span if final else at[begin] + 0.01 * span, float(limit[-1 if final else 0]) * 1.12,
-                f"limit, learned: {source} ", INK, fontsize=9, va="bottom", fontweight="normal",
+                f"limit: {limit_source(source)} ", INK, fontsize=9, va="bottom", fontweight="normal",
                 ha="right" if final else "left")  # fmt: skip
         begin = end
 

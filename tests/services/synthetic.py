@@ -54,22 +54,22 @@ def cut_series(time_s, amplitude_um, shift_deg, entry_s, seed, roughness_um=1.5)
     )
 
 
-def reports(blocks, entry_s, detected_s, commands, interrupted_kind=None):
+def reports(blocks, entry_s, detected_s, commands, forced_kind=None):
     """What monitor and controller said; `commands` is a list of (time_s, shift_deg)."""
     first = np.arange(blocks) * float(BLOCK)
     ends = (first + BLOCK) / RATE_HZ
     noise = np.random.default_rng(9).uniform(0.85, 1.15, blocks)
     inside = ends > entry_s
     indicator = np.where(inside, 2.0, 0.6) * noise
-    states, kinds, frequency = ["air"] * blocks, [""] * blocks, np.full(blocks, np.nan)
+    states, kinds, frequency = ["idle"] * blocks, [""] * blocks, np.full(blocks, np.nan)
     moved_s = commands[0][0] if commands else np.inf
     for i in range(blocks):
         if inside[i]:
-            states[i] = "cutting"
+            states[i] = "quiet"
         if detected_s is not None and ends[i] >= detected_s - 1e-9 and ends[i] < moved_s + 0.2:
             states[i], kinds[i], frequency[i] = "chatter", "regenerative", CHATTER_HZ + 0.4
-        if interrupted_kind and inside[i] and ends[i] > entry_s + 0.5:
-            states[i], kinds[i], frequency[i] = "forced", interrupted_kind, 640.0
+        if forced_kind and inside[i] and ends[i] > entry_s + 0.5:
+            states[i], kinds[i], frequency[i] = "chatter", forced_kind, 640.0
     if detected_s is not None:
         decay = np.exp(-np.maximum(ends - moved_s - 0.05, 0.0) * 20) if np.isfinite(moved_s) else 1.0
         swell = np.exp(np.minimum(60 * (ends - detected_s), 5.0)) * decay
@@ -81,7 +81,7 @@ def reports(blocks, entry_s, detected_s, commands, interrupted_kind=None):
         first_sample=first, indicator=indicator, limit=np.where(ends < entry_s + 0.1, 5.0, 16.0),
         frequency_hz=frequency, amplitude_n=np.sqrt(indicator), confidence=np.where(np.isfinite(frequency), 0.9, 0.0),
         shift_requested_deg=requested, state=tuple(states), kind=tuple(kinds),
-        limit_source=tuple("air" if t < entry_s + 0.1 else "quiet cutting" for t in ends),
+        limit_source=tuple("air" if t < entry_s else "configured" if t < entry_s + 1.5 else "cutting" for t in ends),
     )
 
 

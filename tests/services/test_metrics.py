@@ -153,3 +153,9 @@ def test_the_reason_for_giving_up_is_kept():
 def test_a_run_cut_anywhere_has_a_summary(tenths):
     values = summarize(make_record(duration_s=tenths / 400.0, interrupted=True)).as_dict()
     assert values["simulated_s"] == pytest.approx(tenths / 400.0, abs=1e-3)
+
+
+def test_a_forced_vibration_is_no_detection():
+    record = make_record(start_um=0.0, detected_s=None, kind="forced")
+    assert metrics.detection_block(record) is None
+    assert record.reports.first_sample[metrics.forced_block(record)] / RATE_HZ == pytest.approx(2.5, abs=0.02)
