@@ -24,8 +24,8 @@ _MAX_TAPS = 2**21  # |level difference| < pi rad = 2**41.7 counts; times this it
 class TrajectoryLimits:
     """What the shift may do at most, at every sample and under any sequence of targets.
 
-    A plain move from rest to rest uses all of the speed, but only a half of the acceleration and a quarter of the
-    jerk: the rest is the reserve for a reversal in mid-move.
+    A plain move from rest to rest uses all of the speed, but only a half of the acceleration and of the jerk: the rest
+    is the reserve for a reversal in mid-move.
 
     Attributes
     ----------

@@ -138,7 +138,7 @@ _LIMITS = {
 }
 
 
-def _sections() -> dict[str, Section]:
+def known_sections() -> dict[str, Section]:
     """Return the tables that become one object each; imported late, so that `--help` stays quick."""
     from chatter import MonitorConfig, NominalFeedDrive, NominalTurret
     from pitch import PlannerConfig, TrajectoryLimits
@@ -239,7 +239,7 @@ def build(tables: Mapping[str, Any]) -> dict[str, Any]:
     InputError
         For a table that is missing or not known, and for every key that breaks a rule.
     """
-    sections = _sections()
+    sections = known_sections()
     _only_known(tables, sections)
 
     def part(name: str, **given: Any) -> Any:

@@ -55,6 +55,8 @@ class Recording:
         else:
             listed = ", ".join(f"{k}: {name}" for k, name in enumerate(self.names))
             raise InputError("channel", wanted, f"one of the channels of {self.source} ({listed})")
+        if not np.isfinite(self.samples[:, index]).any():
+            raise InputError("channel", self.names[index], f"one that holds numbers in {self.source}")
         return self.names[index], self.samples[:, index]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import pathlib
 import re
+import warnings
 
 import numpy as np
 
@@ -64,7 +65,8 @@ def _header(path: pathlib.Path) -> tuple[list[str], str]:
 
 def _values(path: pathlib.Path, delimiter: str, columns: int) -> Floats:
     try:
-        with path.open(encoding="utf-8-sig") as file:
+        with path.open(encoding="utf-8-sig") as file, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # an empty table has its own message below
             values = np.loadtxt(file, delimiter=delimiter, skiprows=1, ndmin=2, comments=None)
     except ValueError:
         values = _tolerant(path, delimiter, columns)
