@@ -103,10 +103,23 @@ def forced_block(record: RunRecord) -> int | None:
 
 
 def command_blocks(record: RunRecord) -> NDArray[np.intp]:
-    """Find the reports whose command asked for another shift than the one before, shape (moves,)."""
+    """Find the reports whose command asked for another shift than the one before, shape (moves,).
+
+    NaN is no command, as before the guard is armed; the first one is compared with where the turret stood.
+    """
     requested = record.reports.shift_requested_deg
     told = np.flatnonzero(np.isfinite(requested))
-    return told[1:][np.abs(np.diff(requested[told])) > 1e-9]
+    moves = told[1:][np.abs(np.diff(requested[told])) > 1e-9]
+    if told.size and abs(float(requested[told[0]]) - _applied_at(record, int(told[0]))) > FIRST_SHIFT_DEG:
+        return np.concatenate((told[:1], moves))
+    return moves
+
+
+def _applied_at(record: RunRecord, block: int) -> float:
+    """Give the realised shift at the start of a block (deg), 0 when nothing was recorded."""
+    applied = record.controlled.shift_applied_deg
+    first = round(float(record.reports.first_sample[block]))
+    return float(applied[min(first, applied.size - 1)]) if applied.size else 0.0
 
 
 def first_shift_time(record: RunRecord) -> float | None:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from services.metrics import Summary, forced_block
+from services.metrics import GIVE_UP_EVENT, Summary, forced_block
 from services.record import RunRecord
 
 Tone = Literal["good", "warn", "bad", "neutral"]
@@ -24,7 +24,7 @@ class Verdict:
 
 LIMIT_SOURCES = {
     "air": "learned in air",
-    "configured": "expected value, until quiet cutting is learned",
+    "configured": "configured, until learned",
     "cutting": "learned in quiet cutting",
     "reference": "learned from a reference",
     "spectrum": "from the spectrum itself",
@@ -85,11 +85,14 @@ def _found(record: RunRecord, summary: Summary) -> str:
 def _moved(record: RunRecord, summary: Summary) -> str:
     if summary.shift_deg is None:
         return "Turret 1 was not moved."
+    waited = (summary.first_command_s or 0.0) - (summary.detected_s or 0.0)
+    delayed = summary.detected_s is not None and waited > 0.05
+    late = f" The command came {number(waited, 2, 's')} after the alarm." if delayed else ""
     more = "" if summary.moves == 1 else f" It moved {summary.moves} times in all."
     arc = number(arc_mm(record, summary), 2, "mm")
     return (
         f"Turret 1 moved {arc} ({number(summary.shift_deg, 2, '°')}) round the bar, "
-        f"so that the waves left by the two tools cancel.{more}"
+        f"so that the waves left by the two tools cancel.{late}{more}"
     )
 
 
@@ -157,8 +160,13 @@ def _not_moved(record: RunRecord, summary: Summary) -> Told:
 
 def _gave_up(record: RunRecord, summary: Summary) -> Told:
     reason = (summary.gave_up_reason or "no reason given").rstrip(".")
+    given_up = next((e.sample for e in record.events if e.kind == GIVE_UP_EVENT), 0) / record.sample_rate_hz
+    later = ""
+    if summary.suppressed_s is not None and summary.suppressed_s > given_up:
+        later = f"The vibration faded {number(summary.suppressed_s - given_up, 1, 's')} after that."
     return "bad", f"Chatter at {number(summary.chatter_hz, 0, 'Hz')} could not be stopped", [
-        f"The controller gave up: {reason}.", _found(record, summary), _moved(record, summary), _marked(summary),
+        f"The controller gave up {number(given_up, 2, 's')} after the start: {reason}.", later,
+        _found(record, summary), _moved(record, summary), _marked(summary),
         "Cut shallower, support the bar, or change the spindle speed.",
     ]  # fmt: skip
 

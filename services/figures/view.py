@@ -74,9 +74,11 @@ class View:
         return [(time_s, word, colour) for time_s, word, colour in named if time_s is not None]
 
     def close_up(self, lead_s: float = 0.1, tail_s: float = 0.25) -> tuple[float, float]:
-        """Stretch around detection and move, else around onset, else around entry (s)."""
+        """Stretch around the move and what led to it, else around detection or onset, else around entry (s)."""
         s = self.summary
         moments = [t for t in (s.chatter_onset_s, s.detected_s, s.first_shift_s, s.suppressed_s) if t is not None]
+        if s.first_shift_s is not None:
+            moments = [t for t in moments if t > s.first_shift_s - 0.4]
         first = min(moments) if moments else (s.entered_cut_s or 0.0)
         last = min(max(moments), first + 0.6) if moments else first
         return max(first - lead_s, 0.0), max(min(last + tail_s, s.simulated_s), first + 0.05)

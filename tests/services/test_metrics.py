@@ -137,6 +137,23 @@ def test_the_outcome_in_one_word(record, outcome):
     assert summarize(record).outcome == outcome
 
 
+def test_a_guard_armed_late_commands_nothing_before():
+    record = make_record(detected_s=3.0)
+    silent = record.reports.first_sample / RATE_HZ < 2.985
+    requested = np.where(silent, np.nan, record.reports.shift_requested_deg)
+    late = replace(record, reports=replace(record.reports, shift_requested_deg=requested))
+    assert summarize(late).first_command_s == summarize(record).first_command_s
+    assert (summarize(late).moves, summarize(late).outcome) == (1, "suppressed")
+
+
+@given(st.floats(-4.0, 4.0))
+def test_holding_where_the_turret_stands_is_no_move(shift_deg):
+    record = make_record(duration_s=0.2, detected_s=None)
+    there = replace(record.controlled, shift_applied_deg=np.full(1800, shift_deg) + 1e-3)
+    reports = replace(record.reports, shift_requested_deg=np.full(20, shift_deg))
+    assert metrics.command_blocks(replace(record, controlled=there, reports=reports)).size == 0
+
+
 def test_an_empty_run_has_no_numbers_and_no_error():
     values = summarize(make_record(duration_s=0.0, detected_s=None, interrupted=True)).as_dict()
     assert values["interrupted"] is True
