@@ -1,7 +1,7 @@
 """Whether it chatters: two indicators against learned limits, confirmed by a line that stands still."""
 
 from copy import deepcopy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import ceil, sqrt
 from typing import Any
 
@@ -9,18 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter.dominance import Dominant, harmonic_bins, standing_limit, strongest
-from chatter.estimate import Kind, LimitSource, MonitorConfig
+from chatter.estimate import LimitSource, MonitorConfig
 from chatter.limits import LearnedLevel
-from chatter.spectrum import Line, pencil, refine
+from chatter.line_tracker import Found, LineTracker
 
 Floats = NDArray[np.float64]
 
-STRETCH = 1.6
-"""Stretch of the first frequency estimate over the window of detection: two lines 40 Hz apart are told apart."""
 PERSISTENCE = 3
 """Windows for which a line must dominate a wide band: longer than a knock or an entry lasts in one window."""
-AGREEMENT = 0.25
-"""Part of a bin by which two estimates may differ and still be of the same line."""
+PATIENCE = 2
+"""Windows after which an alarm is given although no line has stood still: two may beat for long."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -34,15 +32,9 @@ class _Memory:
     """Blocks since windows were last disturbed: start, entry, exit, excursion, move."""
     since_entry: int = 0
     alarm: bool = False
-    kind: Kind | None = None
     raised: int = 0
-    score: int = 0
-    followed_hz: float = 0.0
     lowered: int = 0
-    agreeing: int = 0
-    line: Line | None = None
-    since_refined: int = 0
-    refined: Line | None = None
+    score: int = 0
 
 
 class Detector:
@@ -64,12 +56,11 @@ class Detector:
         self._config = config
         self._frequencies_hz = frequencies_hz
         self._freedom = freedom
-        self._sample_rate_hz = sample_rate_hz
         low, high = config.band_hz
         self._line_probability = min(1.0 / ((high - low) * config.false_alarm_interval), 0.1)
         self._square_probability = min(config.window / config.false_alarm_interval, 0.1)
-        self._half_band_hz = 8.0 / config.window
         self._window_blocks = ceil(config.window / config.block - 1e-9)
+        self._tracker = LineTracker(config, sample_rate_hz)
         self.reset()
 
     def reset(self) -> None:
@@ -77,14 +68,16 @@ class Detector:
         most = self._config.memory_time / self._config.window
         bins = len(self._frequencies_hz)
         self._memory = _Memory(air=LearnedLevel(bins, most), cut=LearnedLevel(bins, most))
+        self._tracker.forget()
 
     def restart(self) -> None:
         """Forget the momentary state after windows were emptied; learned limits stay."""
         self._memory = _Memory(air=self._memory.air, cut=self._memory.cut)
+        self._tracker.forget()
 
     def snapshot(self) -> Any:
         """Return a copy of the whole state."""
-        return deepcopy(self._memory)
+        return deepcopy(self._memory), self._tracker.snapshot()
 
     def restore(self, state: Any) -> None:
         """Continue from a copy of the state.
@@ -94,7 +87,8 @@ class Detector:
         state : object
             What `snapshot` returned.
         """
-        self._memory = deepcopy(state)
+        self._memory = deepcopy(state[0])
+        self._tracker.restore(state[1])
 
     def step(
         self,
@@ -150,13 +144,14 @@ class Detector:
             "share": share,
         }
         if in_cut is False:
-            memory.alarm, memory.raised, memory.score, memory.line, memory.refined = False, 0, 0, None, None
+            memory.alarm, memory.raised, memory.score = False, 0, 0
+            self._tracker.forget()
         else:
             if found is None and line_over and (over == 2 or memory.alarm):
-                found = self._nearest(peak, history, spindle_hz)
-            self._follow_line(found if line_over else None, history)
+                found = self._find(peak, history, spindle_hz)
+            self._tracker.follow(found if line_over else None, history)
             self._switch(over == 2)
-            fields.update(self._describe())
+            fields.update(self._tracker.describe())
         fields["state"] = self._state(over, in_cut)
         if over and in_cut is not False:
             memory.settled = 0
@@ -193,15 +188,15 @@ class Detector:
 
     def _dominant(
         self, power: Floats, square: float, history: Floats, spindle_hz: float | None
-    ) -> tuple[Dominant | None, tuple[Line, Kind] | None]:
+    ) -> tuple[Dominant | None, Found | None]:
         """Return the strongest line of a wide band that is not forced, or else the forced one, and what is known."""
         standing = standing_limit(power)
         best = strongest(power, standing, square)
         forced = harmonic_bins(self._frequencies_hz, spindle_hz, self._config.speed_uncertainty)
         if best is None or forced is None or not forced[best.peak]:
             return best, None
-        found = self._nearest(best.peak, history, spindle_hz)
-        if found is not None and found[1] == "forced":
+        found = self._find(best.peak, history, spindle_hz)
+        if found is not None and found.kind == "forced":
             other = strongest(power, standing, square, forced)
             if other is not None:
                 return other, None
@@ -262,109 +257,35 @@ class Detector:
         level = memory.cut if in_cut else memory.air
         level.learn(power, square, config.block / config.window)
 
-    def _follow_line(self, found: tuple[Line, Kind] | None, history: Floats) -> None:
-        """Keep the line that was found and count how often in a row it was the same one."""
-        config, memory = self._config, self._memory
-        if found is None:
-            memory.line, memory.refined, memory.agreeing = None, None, 0
-            return
-        line, kind = found
-        near = memory.line is not None and abs(line.frequency_hz - memory.line.frequency_hz) < AGREEMENT / line.span
-        memory.agreeing = memory.agreeing + 1 if near and line.growth * line.span > -1.0 else 0
-        memory.line = line
-        memory.kind = "regenerative" if memory.alarm and not config.dominance else kind
-        self._refine(line, history, near)
+    def _find(self, peak: int, history: Floats, spindle_hz: float | None) -> Found | None:
+        age = self._memory.since_entry * self._config.block
+        frequency = float(self._frequencies_hz[peak])
+        return self._tracker.find(frequency, history, spindle_hz, age=age, alarm=self._memory.alarm)
 
     def _switch(self, both: bool) -> None:
         """Raise or end the alarm."""
         config, memory = self._config, self._memory
-        most = PERSISTENCE * self._window_blocks
         memory.raised = memory.raised + 1 if both else 0
         memory.lowered = 0 if both else memory.lowered + 1
-        counts = both and memory.line is not None and memory.kind == "regenerative"
-        if config.dominance and counts:
-            counts = self._is_followed()
-        memory.score = min(memory.score + 1, most) if counts else max(memory.score - 1, 0)
-        if memory.alarm:
-            memory.alarm = memory.score > 0 if config.dominance else memory.lowered < self._window_blocks
-            return
-        if config.dominance:
-            memory.alarm = memory.score >= most
+        counts = both and self._tracker.kind == "regenerative"
+        if config.dominance is not None:
+            self._switch_wide(counts)
+        elif memory.alarm:
+            memory.alarm = memory.lowered < self._window_blocks
         elif counts:
-            memory.alarm = memory.agreeing >= config.confirm or memory.raised > 2 * self._window_blocks
-        if memory.alarm and not self._ready(memory.cut, config.cutting_time):
-            memory.cut.forget()
+            patient = memory.raised > PATIENCE * self._window_blocks
+            memory.alarm = self._tracker.agreeing >= config.confirm or patient
+            if memory.alarm and not self._ready(memory.cut, config.cutting_time):
+                memory.cut.forget()  # the growth just before the alarm is in it
 
-    def _is_followed(self) -> bool:
-        """Return whether the line is the one followed, or its harmonic; another one is followed from now on."""
+    def _switch_wide(self, counts: bool) -> None:
+        """Ask in a wide band for one line for three windows, up for each block with it and down for each without."""
         memory = self._memory
-        frequency = memory.line.frequency_hz if memory.line is not None else 0.0
-        for factor in (1.0, 0.5, 2.0, 1.0 / 3.0, 3.0):
-            if abs(factor * frequency - memory.followed_hz) <= 1.5 * max(factor, 1.0) / self._config.window:
-                memory.followed_hz = factor * frequency if factor == 1.0 else memory.followed_hz
-                return True
-        if not memory.alarm:
-            memory.followed_hz, memory.score = frequency, 0
-        return not memory.alarm
-
-    def _nearest(self, peak: int, history: Floats, spindle_hz: float | None) -> tuple[Line, Kind] | None:
-        """Return the strongest line near a bin that is no harmonic of the spindle, or else the strongest at all."""
-        config, memory = self._config, self._memory
-        least = config.window
-        span = min(max(memory.since_entry * config.block, least), STRETCH * config.window)
-        samples = min(round(span * self._sample_rate_hz), len(history))
-        centre = float(self._frequencies_hz[peak])
-        lines = pencil(history[len(history) - samples :], centre, self._half_band_hz, self._sample_rate_hz)
-        if not lines:
-            return None
-        for line in lines:
-            if line.amplitude < 0.5 * lines[0].amplitude:
-                break
-            if self._kind(line, spindle_hz) == "regenerative":
-                return line, "regenerative"
-        return lines[0], "forced"
-
-    def _kind(self, line: Line, spindle_hz: float | None) -> Kind:
-        """Tell a harmonic of the spindle or of the tools from anything else, when the resolution allows it."""
-        if not spindle_hz or line.growth * line.span > 1.0:
-            return "regenerative"  # a forced line does not grow e-fold within the stretch
-        reach = 1.5 / self._config.window
-        if self._memory.alarm and abs(line.frequency_hz - self._memory.followed_hz) <= reach:
-            return "regenerative"  # chatter may drift over a harmonic without becoming one
-        tolerance = self._config.speed_uncertainty * line.frequency_hz + AGREEMENT / line.span
-        for spacing in (spindle_hz, spindle_hz * self._config.tools):
-            if tolerance < spacing / 6.0:
-                away = abs(line.frequency_hz - spacing * round(line.frequency_hz / spacing))
-                return "forced" if away <= tolerance else "regenerative"
-        return "regenerative"
-
-    def _refine(self, line: Line, history: Floats, near: bool) -> None:
-        """Take the frequency from the longest stretch in which the line is steady, once a window."""
-        memory = self._memory
-        memory.since_refined += 1
-        if memory.refined is not None and near and memory.since_refined < self._window_blocks:
-            return
-        memory.since_refined = 0
-        shortest = round(2.0 * line.span * self._sample_rate_hz)
-        result = refine(history, line.frequency_hz, shortest, self._sample_rate_hz) if near else None
-        if result is None or abs(result[0] - line.frequency_hz) > AGREEMENT / line.span:
-            memory.refined = None
-        else:
-            memory.refined = replace(line, frequency_hz=result[0], span=result[2])
-
-    def _describe(self) -> dict[str, Any]:
-        memory = self._memory
-        if memory.line is None:
-            return {}
-        best = memory.refined or memory.line
-        return {
-            "frequency_hz": best.frequency_hz,
-            "span": best.span,
-            "amplitude": memory.line.amplitude,
-            "growth": memory.line.growth,
-            "confidence": memory.line.explained,
-            "kind": memory.kind,
-        }
+        most = PERSISTENCE * self._window_blocks
+        if counts and not self._tracker.is_followed(memory.alarm):
+            memory.score, counts = (memory.score, False) if memory.alarm else (0, True)
+        memory.score = min(memory.score + 1, most) if counts else max(memory.score - 1, 0)
+        memory.alarm = memory.score > 0 if memory.alarm else memory.score >= most
 
     def _state(self, over: int, in_cut: bool | None) -> str:
         if in_cut is False:

@@ -95,7 +95,7 @@ def _kernel_gain(step: int, offset_hz: Floats, sample_rate_hz: float) -> Floats:
     return np.cos(2.0 * np.pi / sample_rate_hz * np.outer(offset_hz, half)) @ kernel
 
 
-def pencil(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_hz: float, order: int = 3) -> list[Line]:
+def pencil(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_hz: float, order: int = 4) -> list[Line]:
     """Return the lines near a frequency, strongest at the end first, by the matrix pencil of all channels together.
 
     Growing and decaying lines are fitted as such, and lines closer than the inverse of the stretch are told apart;
