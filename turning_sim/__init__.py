@@ -1,36 +1,59 @@
 """The plant: two opposed tools on one flexible bar, and the drives of turret 1."""
 
-from __future__ import annotations
-
 from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-_HOMES = {
-    "AxisControl": "feed_drive",
-    "Chip": "chip",
-    "Chuck": "workpiece",
-    "Cutting": "cutting",
-    "FeedDrive": "feed_drive",
-    "ForceLaw": "chip",
-    "LinearParameters": "linear",
-    "Mode": "workpiece",
-    "PlantBlock": "simulator",
-    "SimulationDiverged": "simulator",
-    "Simulator": "simulator",
-    "TurretDrives": "feed_drive",
-    "Workpiece": "workpiece",
-    "cantilever_frequency_hz": "workpiece",
-    "linear_parameters": "linear",
-    "loads_of_force": "turrets",
-    "shift_of_tool": "turrets",
-    "slides_of_shift": "turrets",
-    "steady_chip": "chip",
-    "tool_of_slides": "turrets",
+if TYPE_CHECKING:
+    from turning_sim.chip import Chip, ForceLaw, steady_chip
+    from turning_sim.cutting import Cutting
+    from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
+    from turning_sim.linear import LinearParameters, linear_parameters
+    from turning_sim.plant_block import PlantBlock
+    from turning_sim.simulator import SimulationDiverged, Simulator
+    from turning_sim.turrets import loads_of_force, shift_of_tool, slides_of_shift, tool_of_slides
+    from turning_sim.workpiece import Chuck, Mode, Workpiece, cantilever_frequency_hz
+
+__all__ = [
+    "AxisControl",
+    "Chip",
+    "Chuck",
+    "Cutting",
+    "FeedDrive",
+    "ForceLaw",
+    "LinearParameters",
+    "Mode",
+    "PlantBlock",
+    "SimulationDiverged",
+    "Simulator",
+    "TurretDrives",
+    "Workpiece",
+    "cantilever_frequency_hz",
+    "linear_parameters",
+    "loads_of_force",
+    "shift_of_tool",
+    "slides_of_shift",
+    "steady_chip",
+    "tool_of_slides",
+]
+
+_HOME = {
+    "chip": ("Chip", "ForceLaw", "steady_chip"),
+    "cutting": ("Cutting",),
+    "feed_drive": ("AxisControl", "FeedDrive", "TurretDrives"),
+    "linear": ("LinearParameters", "linear_parameters"),
+    "plant_block": ("PlantBlock",),
+    "simulator": ("SimulationDiverged", "Simulator"),
+    "turrets": ("loads_of_force", "shift_of_tool", "slides_of_shift", "tool_of_slides"),
+    "workpiece": ("Chuck", "Mode", "Workpiece", "cantilever_frequency_hz"),
 }
 
-__all__ = list(_HOMES)  # noqa: PLE0605
+
+def __getattr__(name: str) -> Any:
+    for module, names in _HOME.items():
+        if name in names:
+            return getattr(import_module(f"turning_sim.{module}"), name)
+    raise AttributeError(f"module 'turning_sim' has no attribute {name!r}")
 
 
-def __getattr__(name: str) -> object:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+def __dir__() -> list[str]:
+    return __all__

@@ -240,12 +240,8 @@ def control(plant, cx, cy, ring, n, ref_x, ref_y, noise_x, noise_y, servo_x, ser
     yt = quantise(delayed(ring, n, plant.stage_delay, 5) + noise_y, cy.stage_step)
     ux = servo(cx, servo_x, ref_x, xm, xt)
     uy = servo(cy, servo_y, ref_y, ym, yt)
-    out[X1_THRUST, i] = ux
-    out[X1_MOTOR, i] = xm
-    out[X1_STAGE, i] = xt
-    out[Y1_THRUST, i] = uy
-    out[Y1_MOTOR, i] = ym
-    out[Y1_STAGE, i] = yt
+    out[X1_THRUST, i], out[X1_MOTOR, i], out[X1_STAGE, i] = ux, xm, xt
+    out[Y1_THRUST, i], out[Y1_MOTOR, i], out[Y1_STAGE, i] = uy, ym, yt
     return ux, uy
 
 
@@ -275,11 +271,8 @@ def truth(plant, z, bar, phi, f, s, in_cut, out, i):
     out[FORCE_X1, i] = f[QX]
     out[FORCE_Y1P, i] = (plant.cos_psi * f[QX] - f[QY]) / plant.sin_psi
     out[FORCE_X2, i] = f[FR2]
-    out[CONTACT1, i] = f[FR1] != 0.0
-    out[CONTACT2, i] = f[FR2] != 0.0
-    out[ANGLE, i] = f[THETA]
-    out[POSITION, i] = s
-    out[IN_CUT, i] = in_cut
+    out[CONTACT1, i], out[CONTACT2, i] = f[FR1] != 0.0, f[FR2] != 0.0
+    out[ANGLE, i], out[POSITION, i], out[IN_CUT, i] = f[THETA], s, in_cut
 
 
 @njit(cache=True, fastmath=False, forceinline=True)

@@ -76,8 +76,8 @@ class Cutting:
             "smaller than the depth of cut",
             self.setting_difference,
         )
-        limit = 2.0 / 3.0 * self.nose_radius
-        require(self.feed_per_rev < limit, "feed_per_rev", "below two thirds of the nose radius", self.feed_per_rev)
+        limit = self.nose_radius
+        require(self.feed_per_rev < limit, "feed_per_rev", "below the nose radius", self.feed_per_rev)
         require(0.0 < self.flank_clearance < math.pi / 4.0, "flank_clearance", "in (0, 45 deg)", self.flank_clearance)
 
     @property

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from turning_sim._check import require
 from turning_sim.cutting import Cutting
 from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
 from turning_sim.linear import LinearParameters, linear_parameters
+from turning_sim.plant_block import PlantBlock
 from turning_sim.surface import generatrix, mean_roughness, profile
 from turning_sim.turrets import shift_of_tool, slides_of_shift, tool_of_slides
 from turning_sim.workpiece import Workpiece
@@ -31,61 +31,6 @@ class SimulationDiverged(RuntimeError):  # noqa: N818 (the name users know)
         super().__init__(f"simulation stopped before sample {sample}: {hint}")
         self.sample = sample
         self.hint = hint
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlantBlock:
-    """What happened in `n` servo samples; every array has shape (n,).
-
-    Attributes
-    ----------
-    first_sample : int
-        Index of the first sample.
-    sample_rate_hz : float
-        (Hz)
-    x1_thrust, y1_thrust : ndarray
-        Commanded thrust (N).
-    x1_motor_position, y1_motor_position, x1_stage_position, y1_stage_position : ndarray
-        Encoders (m).
-    dx1, dy1p, shift : ndarray
-        Offset of tool 1 (m) and shift (rad) from the linear scales.
-    bar_displacement : ndarray
-        Bar at the tools along +X1 (m). Truth, as all that follow.
-    vibration : ndarray
-        Bar relative to tool 1 along +X1 (m).
-    force_x1, force_y1p : ndarray
-        Force on tool 1, out along -X1 and along +Y1' (N).
-    force_x2 : ndarray
-        Radial force on tool 2 (N).
-    contact1, contact2, in_cut : ndarray
-        Whether the tools cut.
-    spindle_angle : ndarray
-        (rad), not wrapped.
-    tool_position : ndarray
-        Distance of the tools from the tip (m).
-    """
-
-    first_sample: int
-    sample_rate_hz: float
-    x1_thrust: np.ndarray
-    x1_motor_position: np.ndarray
-    x1_stage_position: np.ndarray
-    y1_thrust: np.ndarray
-    y1_motor_position: np.ndarray
-    y1_stage_position: np.ndarray
-    dx1: np.ndarray
-    dy1p: np.ndarray
-    shift: np.ndarray
-    bar_displacement: np.ndarray
-    vibration: np.ndarray
-    force_x1: np.ndarray
-    force_y1p: np.ndarray
-    force_x2: np.ndarray
-    contact1: np.ndarray
-    contact2: np.ndarray
-    spindle_angle: np.ndarray
-    tool_position: np.ndarray
-    in_cut: np.ndarray
 
 
 class Simulator:
@@ -191,9 +136,11 @@ class Simulator:
         out = np.empty((kernels.CHANNELS, n))
         noise = self._noise.standard_normal((n * self.substeps, 2))
         scale = self._scale.standard_normal((n, 2)) * self._scale_noise
+        st = self._state
         status = kernels.advance(
-            self._plant, *self._controls, self._drive, self._table, refs, 2.0 * np.pi * speed, noise, scale,
-            *self._state.values(), out,
+            self._plant, self._controls[0], self._controls[1], self._drive, self._table, refs, 2.0 * np.pi * speed,
+            noise, scale, st["z"], st["bar"], st["servo_x"], st["servo_y"], st["ring"], st["phase"], st["left"],
+            st["f"], st["k"], out,
         )  # fmt: skip
         first = self.sample
         self.sample += n
@@ -287,7 +234,7 @@ class Simulator:
         )
 
     def _rest(self, shift: float) -> dict[str, np.ndarray]:
-        """Return the state at rest; its order is the kernel's."""
+        """Return the state at rest."""
         slides = [float(s) for s in slides_of_shift(shift, self.diameter, self.drives.axis_angle)]
         z, ring = np.zeros(10), np.zeros((kernels.RING, 6))
         servos = np.zeros((2, 8))
