@@ -164,7 +164,8 @@ def _gave_up(record: RunRecord, summary: Summary) -> Told:
     later = ""
     if summary.suppressed_s is not None and summary.suppressed_s > given_up:
         later = f"The vibration faded {number(summary.suppressed_s - given_up, 1, 's')} after that."
-    return "bad", f"Chatter at {number(summary.chatter_hz, 0, 'Hz')} could not be stopped", [
+    what = "the controller gave up" if later else "could not be stopped"
+    return "bad", f"Chatter at {number(summary.chatter_hz, 0, 'Hz')}{': ' if later else ' '}{what}", [
         f"The controller gave up {number(given_up, 2, 's')} after the start: {reason}.", later,
         _found(record, summary), _moved(record, summary), _marked(summary),
         "Cut shallower, support the bar, or change the spindle speed.",

@@ -81,8 +81,8 @@ def _draw_vibration(
         axes.axhline(sign * threshold, color=INK, linewidth=0.9, linestyle=(0, (4, 3)), alpha=0.7)
     reach = max(1.08 * float(np.max(np.abs(shown - middle))), 1.8 * threshold)
     axes.set_ylim(-reach, reach)
-    right = window_s[1] - 0.01 * (window_s[1] - window_s[0])
-    halo(axes.text(right, threshold, f"threshold {threshold:.2f} µm", color=INK, fontsize=8.5, ha="right", va="bottom"))
+    left = window_s[0] + 0.01 * (window_s[1] - window_s[0])
+    halo(axes.text(left, threshold, f"threshold {threshold:.2f} µm", color=INK, fontsize=8.5, va="bottom"))
 
 
 def _draw_deflection(axes: Axes, view: View, window_s: tuple[float, float]) -> None:
@@ -162,7 +162,7 @@ def _draw_marked(axes: Axes, view: View) -> None:
 
 
 def draw_part(axes: Axes, view: View) -> None:
-    """Draw both bars as strips, darker where rougher."""
+    """Draw both bars as strips, darker where rougher: the darkest is 5 um, or the worst if that is more."""
     twin, cut = view.record.twin, view.record.controlled
     axes.grid(visible=False)
     axes.set_yticks([0.0, 1.2], ["with control", "without control"])
@@ -173,7 +173,7 @@ def draw_part(axes: Axes, view: View) -> None:
     axes.set_ylim(-0.6, 1.8)
     if cut.ra_um.size < 2 or twin.ra_um.size < 2:
         return
-    worst = float(max(np.max(twin.ra_um), np.max(cut.ra_um), 1e-9))
+    worst = float(max(np.max(twin.ra_um), np.max(cut.ra_um), 5.0))
     for series, height in ((twin, 1.2), (cut, 0.0)):
         half = 0.5 * float(series.ra_position_mm[1] - series.ra_position_mm[0])
         extent = (series.ra_position_mm[0] - half, series.ra_position_mm[-1] + half, height - 0.42, height + 0.42)

@@ -18,6 +18,7 @@ from services.figures.style import (
     SHIFT,
     mark_times,
     new_figure,
+    plain_log,
     say,
     say_nothing,
     slice_of,
@@ -57,7 +58,7 @@ def indicator_figure(view: View) -> Figure:
 
 def _draw_indicator(axes: Axes, view: View) -> None:
     reports, at = view.record.reports, view.report_time_s
-    axes.set_yscale("log")
+    plain_log(axes)
     axes.step(at, positive(reports.limit), where="pre", color=INK, linewidth=1.3, linestyle=(0, (5, 2)))
     axes.step(at, positive(reports.indicator), where="pre", color=CONTROLLED, linewidth=1.4)
     over = (reports.limit > 0.0) & (reports.indicator > reports.limit)

@@ -19,6 +19,7 @@ from services.figures.style import (
     TWIN,
     mark_times,
     new_figure,
+    plain_log,
     say,
     say_nothing,
     slice_of,
@@ -63,7 +64,7 @@ def _draw_vibration(axes: Axes, view: View) -> None:
         return
     part = slice_of(view.time_s, view.window_s)
     step = max((part.stop - part.start) // 2000, 1)
-    axes.set_yscale("log")
+    plain_log(axes)
     ends: list[float] = []
     for envelope, colour in ((view.envelope_twin_um, TWIN), (view.envelope_um, CONTROLLED)):
         shown = positive(envelope[part][::step])
@@ -75,8 +76,9 @@ def _draw_vibration(axes: Axes, view: View) -> None:
     axes.set_xlim(*view.window_s)
     axes.axhline(threshold, color=INK, linewidth=0.9, linestyle=(0, (4, 3)))
     right = view.window_s[1] - 0.01 * float(np.ptp(view.window_s))
-    say(axes, right, 1.1 * threshold, f"threshold {threshold:.2f} µm", INK, ha="right", va="bottom", fontsize=8.5,
-        fontweight="normal")  # fmt: skip
+    left = view.window_s[0] + 0.01 * float(np.ptp(view.window_s))
+    words = f"threshold {threshold:.2f} µm"
+    say(axes, left, 1.1 * threshold, words, INK, va="bottom", fontsize=8.5, fontweight="normal")
     apart = ends[0] > 1.5 * ends[1]
     say(axes, right, 1.2 * ends[0], "without control" if apart else "with and without control", TWIN if apart else INK,
         ha="right", va="bottom")  # fmt: skip

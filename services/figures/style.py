@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.text import Text
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.transforms import ScaledTranslation
 
 from services.messages import Floats
@@ -146,6 +147,14 @@ def mark_times(axes: Axes, marks: Sequence[tuple[float, str, str]], *, labelled:
                         "relpos": (0.5, 0.0)},
         )  # fmt: skip
     axes.set_title(axes.get_title(loc="left"), pad=27.0)
+
+
+def plain_log(axes: Axes) -> None:
+    """Give axes a logarithmic scale with numbers that are read as they stand: 0.5, 1, 2, 5, 10."""
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=14))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_locator(NullLocator())
 
 
 def outline(time_s: Floats, values: Floats, columns: int = 1600) -> tuple[Floats, Floats, Floats]:
