@@ -82,6 +82,10 @@ class Simulator:
         require(substeps >= 1, "substeps", "at least 1", substeps)
         require(0.0 <= start_position < end, "start_position", "in [0, end_position)", start_position)
         require(end <= workpiece.length, "end_position", "at most the length of the bar", end)
+        require(
+            cutting.spindle_hz >= _LOWEST_SPINDLE_HZ, "spindle_hz", f"at least {_LOWEST_SPINDLE_HZ}", cutting.spindle_hz
+        )
+        require(seed >= 0, "seed", "at least 0", seed)
         require(air_time >= 0.0, "air_time", "at least 0", air_time)
         require(abs(initial_shift) <= math.radians(20.0), "initial_shift", "within 20 deg", initial_shift)
         self.workpiece, self.cutting, self.drives = workpiece, cutting, drives
@@ -241,8 +245,8 @@ class Simulator:
         for i, (position, axis) in enumerate(zip(slides, (self.drives.x1, self.drives.y1), strict=True)):
             z[[5 * i, 5 * i + 2]] = position
             ring[:, [2 + i, 4 + i]] = position
-            servos[i, 0] = kernels.quantise.py_func(position, axis.motor_resolution)
-            servos[i, 1] = kernels.quantise.py_func(position, axis.stage_resolution)
+            servos[i, 0] = kernels.quantise(position, axis.motor_resolution)
+            servos[i, 1] = kernels.quantise(position, axis.stage_resolution)
             servos[i, 6:] = position
         past = np.arange(kernels.SURFACE, dtype=np.float64) - kernels.SURFACE
         phase = 2.0 * np.pi * self.cutting.spindle_hz * self.step * (past + 1.0)
