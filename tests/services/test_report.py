@@ -97,7 +97,8 @@ def test_an_interrupted_run_says_so_and_is_never_called_good():
 
 def test_the_reason_for_giving_up_is_told():
     record = ENDINGS["gave_up"][0]
-    assert "The controller gave up 2.50 s after the start: no pitch within 6 deg." in verdict(record, summarize(record)).sentences
+    said = verdict(record, summarize(record)).sentences
+    assert "The controller gave up 2.50 s after the start: no pitch within 6 deg." in said
 
 
 def test_the_page_needs_nothing_from_outside(tmp_path):
