@@ -204,7 +204,9 @@ class Guard:
             why = self._accept(shift, cmd.apply_at_sample, now)
         if why:
             self.rejected[why] += 1
-            self._note("command_rejected", f"command {min(max(cmd.sequence, -1), MOST_SAMPLES)} of {cmd.source!r:.40}: {why}")
+            self._note(
+                "command_rejected", f"command {min(max(cmd.sequence, -1), MOST_SAMPLES)} of {cmd.source!r:.40}: {why}"
+            )
             return Verdict(False, why, False)
         self.accepted += 1
         late = cmd.apply_at_sample < now

@@ -93,7 +93,12 @@ class Rig:
         self.limits = limits(**changes)
         self.tokens = iter(f"session-{i}" for i in range(10_000))
         self.guard = Guard(
-            self.limits, run="run", controller="controller", operator="operator", token=self.tokens.__next__, start=start
+            self.limits,
+            run="run",
+            controller="controller",
+            operator="operator",
+            token=self.tokens.__next__,
+            start=start,
         )
         self.start, self.samples, self.now, self.sequence, self.nonce = np.array(start), samples, 0, 0, 0
         self.path, self.issued, self.notices, self.plans, self.followed = SoundPath(start[0]), [], [], [], []

@@ -211,7 +211,9 @@ def test_commanded_minus_measured_at_its_edge(axis, sign):
     assert envelope.lags(np.zeros(3)) == envelope.lags(np.zeros((3, 500))) == ""
 
 
-@pytest.mark.parametrize("measured", [None, "no", np.zeros((3, 0)), np.zeros(2), np.full(3, np.nan), np.full(3, np.inf)])
+@pytest.mark.parametrize(
+    "measured", [None, "no", np.zeros((3, 0)), np.zeros(2), np.full(3, np.nan), np.full(3, np.inf)]
+)
 def test_a_measurement_that_is_none_is_noticed(measured):
     assert "not three finite" in resting(LIMITS).lags(measured)
 
@@ -285,7 +287,9 @@ def test_the_arc_is_that_of_the_tool():
     np.testing.assert_allclose(arc(shift, DIAMETER / 2, PSI), on_arc(shift), atol=1e-18)
 
 
-JERKS = st.lists(st.tuples(st.integers(1, 40), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)), min_size=10, max_size=40)
+JERKS = st.lists(
+    st.tuples(st.integers(1, 40), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1)), min_size=10, max_size=40
+)
 
 
 @settings(max_examples=150)
