@@ -515,6 +515,37 @@ def test_the_path_and_the_geometry_of_the_planner_pass():
     rig.assert_within()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_path_within_four_fifths_of_all_limits_is_never_a_fault(seed):
+    """Random targets and stops in mid-move: the stop finds room from wherever a sound path is."""
+    rig, share, rng = Rig(moves_per_minute=600, shift_travel=1e3, slide_travel=1e3), 0.8, np.random.default_rng(seed)
+    lim, reach = rig.limits, 1.06 * DIAMETER / 2 / math.sin(PSI)
+    bounds = pitch.TrajectoryLimits(
+        max_speed=share * min(lim.shift_speed, lim.slide_speed / reach, lim.slide_step / lim.interval / reach),
+        max_acceleration=share * min(lim.shift_acceleration, lim.slide_acceleration / reach),
+        max_jerk=share * min(lim.shift_jerk, lim.slide_jerk / reach),
+    )
+    path, target = pitch.ShiftTrajectory(bounds, RATE), 0.0
+    for _ in range(600):
+        plan = rig.guard.begin_block(rig.now, BLOCK, rig.state_of_machine())
+        if plan.target is None:
+            path = pitch.ShiftTrajectory(bounds, RATE, rig.guard.shift)
+        elif plan.target != path.target:
+            path.retarget(plan.target)
+        shift = path.advance(BLOCK)
+        checked = rig.guard.check(shift, *pitch.slide_set_points(shift, DIAMETER, PSI))
+        rig.issued.append(np.array(checked[:3]))
+        rig.now += BLOCK
+        target = float(rng.choice([5.0, -5.0, rng.uniform(-5, 5)])) if rng.random() < 0.08 else target
+        if seed and rng.random() < 0.02:
+            rig.ask("stop")
+        if rig.guard.state == "OFF" and not rig.guard.moving:
+            rig.ask("arm")
+        rig.say(target)
+        assert rig.guard.state != "FAULT", rig.guard.reason
+    rig.assert_within()
+
+
 def test_two_runs_of_the_same_story_are_the_same_to_the_bit():
     def story():
         rig = Rig().active().run(14, 2.8)
