@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Protocol
+from typing import Any, Protocol
 
 import msgspec
 
@@ -14,13 +14,16 @@ from services.messages import TOPICS
 class Node(Protocol):
     """A message in, messages out: no bus, no clock, no loop."""
 
-    subscribes: tuple[type[msgspec.Struct], ...]
+    @property
+    def subscribes(self) -> tuple[type[msgspec.Struct], ...]:
+        """Types of message that the node wants."""
+        ...
 
     def prepare(self) -> None:
         """Compile and warm up; no state changes."""
         ...
 
-    def handle(self, message: msgspec.Struct) -> Iterable[msgspec.Struct]:
+    def handle(self, message: Any, /) -> Iterable[msgspec.Struct]:
         """Return what follows from `message`."""
         ...
 

@@ -146,14 +146,13 @@ class _Loop:
         self.tape(message)
 
 
-def cut_series(case: Case, plant: Simulator, block: PlantBlock, force: Floats | None = None) -> CutSeries:
-    """Return the series of a cut; the force is estimated as the monitor does unless it is given, shape (n, 2)."""
-    if force is None:
-        observer = LoadSideObserver(case.belief, case.settings.sample_rate_hz, case.settings.force_cutoff_hz)
-        force = observer.update(
-            np.column_stack([block.x1_motor_position, block.y1_motor_position]),
-            np.column_stack([block.x1_stage_position, block.y1_stage_position]),
-        )
+def cut_series(case: Case, plant: Simulator, block: PlantBlock) -> CutSeries:
+    """Return the series of a cut; the force is estimated as the monitor does."""
+    observer = LoadSideObserver(case.belief, case.settings.sample_rate_hz, case.settings.force_cutoff_hz)
+    force = observer.update(
+        np.column_stack([block.x1_motor_position, block.y1_motor_position]),
+        np.column_stack([block.x1_stage_position, block.y1_stage_position]),
+    )
     position, ra = roughness_along(plant, block.tool_position, block.in_cut)
     return CutSeries(
         vibration_um=block.vibration * 1e6,

@@ -6,6 +6,7 @@ import json
 import math
 import pathlib
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 from scipy import ndimage, signal
@@ -63,8 +64,14 @@ class OpenCut:
 
     def as_dict(self) -> dict[str, object]:
         """Return the keys of the command line."""
-        names = ("chatter", "chatter_hz", "growth_rate_1_s", "amplitude_um", "ra_um")
-        return {name: getattr(self, name) for name in names} | {"plateaus": [asdict(p) for p in self.plateaus]}
+        return {
+            "chatter": self.chatter,
+            "chatter_hz": self.chatter_hz,
+            "growth_rate_1_s": self.growth_rate_1_s,
+            "amplitude_um": self.amplitude_um,
+            "ra_um": self.ra_um,
+            "plateaus": [asdict(plateau) for plateau in self.plateaus],
+        }
 
     def words(self) -> str:
         """Return the same for people."""
@@ -117,7 +124,7 @@ def cut_open(case: Case, seed: int, shift: float, length: float) -> OpenCut:
     start = 0 if onset is None else onset
     amplitude = float(np.median(envelope[start:])) if envelope.size else None
     ra = plant.roughness(float(block.tool_position[0]), float(block.tool_position[-1]))
-    common = {"length_mm": 1e3 * length, "rate_hz": rate, "vibration_um": 1e6 * block.vibration}
+    common: dict[str, Any] = {"length_mm": 1e3 * length, "rate_hz": rate, "vibration_um": 1e6 * block.vibration}
     ra_um = 1e6 * ra if math.isfinite(ra) else None
     if onset is None:
         return OpenCut(

@@ -15,7 +15,10 @@ SOURCES = sorted(p for name in PACKAGES for p in (ROOT / name).rglob("*.py") if 
 def test_import_contracts_hold():
     done = subprocess.run(
         [str(pathlib.Path(sys.executable).with_name("lint-imports")), "--no-cache"],
-        cwd=ROOT, capture_output=True, text=True, check=False,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
 

@@ -16,7 +16,9 @@ SpeedRpm = Annotated[float, typer.Option("--speed-rpm", help="Spindle speed (1/m
 def pitch(
     chatter_hz: Annotated[float, typer.Option("--chatter-hz", help="Chatter frequency (Hz).")],
     speed_rpm: SpeedRpm,
-    order: Annotated[int, typer.Option("--order", help="Whole waves M beside the wanted phase: phase (2 M + P) pi.")] = 0,
+    order: Annotated[
+        int, typer.Option("--order", help="Whole waves M beside the wanted phase: phase (2 M + P) pi.")
+    ] = 0,
     phase_pi: Annotated[float, typer.Option("--phase-pi", help="Wanted phase P in units of pi; 1 is antiphase.")] = 1.0,
     diameter_mm: Annotated[float, typer.Option("--diameter-mm", help="Diameter at the cutting point (mm).")] = 25.0,
     as_json: JsonFlag = False,
@@ -32,7 +34,9 @@ def pitch(
     phase = (2 * order + phase_pi) * math.pi
     difference = pitch_difference_for_phase(chatter_hz, speed_rpm / 60.0, phase)
     shift = difference / 2.0
-    require("order", order, f"small enough for a shift below 90 deg (here {math.degrees(shift):.4g})", shift < math.pi / 2)
+    require(
+        "order", order, f"small enough for a shift below 90 deg (here {math.degrees(shift):.4g})", shift < math.pi / 2
+    )
     offset = turret_offset(shift, diameter_mm * 1e-3)
     slide_x1, slide_y1 = offset.slides()
     answer = {
@@ -64,7 +68,9 @@ def stability(
     speed_rpm: SpeedRpm,
     pitch_difference_deg: Annotated[float, typer.Option("--pitch-difference-deg", help="Pitch difference (deg).")],
     overlap: Annotated[float, typer.Option("--overlap", help="Overlap factor; negative for tools on one side.")] = 1.0,
-    process_damping: Annotated[float, typer.Option("--process-damping", help="Process damping of a tool (N s/m).")] = 0.0,
+    process_damping: Annotated[
+        float, typer.Option("--process-damping", help="Process damping of a tool (N s/m).")
+    ] = 0.0,
     stiffness: Annotated[float | None, typer.Option("--stiffness", help="Dynamic cutting stiffness (N/m).")] = None,
     as_json: JsonFlag = False,
 ) -> None:
@@ -79,8 +85,11 @@ def stability(
     require("overlap", overlap, "in [-1, 1]", abs(overlap) <= 1)
     require("process-damping", process_damping, "0 N s/m or more", process_damping >= 0)
     process = OneModeProcess(
-        modal_mass=mass_kg, natural_frequency_hz=natural_hz, damping_ratio=damping,
-        overlap=overlap, process_damping=process_damping,
+        modal_mass=mass_kg,
+        natural_frequency_hz=natural_hz,
+        damping_ratio=damping,
+        overlap=overlap,
+        process_damping=process_damping,
     )
     difference = math.radians(pitch_difference_deg)
     limit, limit_hz = critical_stiffness(process, spindle_hz, difference)
@@ -91,7 +100,9 @@ def stability(
     if stiffness is not None:
         root = rightmost_root(process, positive("stiffness", stiffness, "N/m"), spindle_hz, difference)
         answer |= {
-            "growth_rate_1_s": root.real, "root_hz": abs(root.imag) / (2 * math.pi), "stable": bool(root.real < 0),
+            "growth_rate_1_s": root.real,
+            "root_hz": abs(root.imag) / (2 * math.pi),
+            "stable": bool(root.real < 0),
         }
         grows = "dies out" if root.real < 0 else "grows"
         text += f"\nAt {stiffness:g} N/m it {grows} at {root.real:+.3f} 1/s, {answer['root_hz']:.2f} Hz."

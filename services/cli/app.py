@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 import pathlib
@@ -90,7 +91,7 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _run(arguments: list[str], as_json: bool) -> int:
-    from services.cli import verbs  # noqa: F401  (registers the verbs)
+    importlib.import_module("services.cli.verbs")  # registers the verbs
 
     try:
         code = app(args=arguments, standalone_mode=False, prog_name="antiphase")

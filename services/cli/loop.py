@@ -4,26 +4,33 @@ from __future__ import annotations
 
 import math
 import pathlib
-from collections.abc import Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from services.cli.app import INTERRUPTED, JsonFlag, OutDir, Seed, app, console, emit, positive, require
-from services.closed_loop import Outcome, run_case
 from services.clock import WallClock
+from services.closed_loop import Outcome, run_case
 from services.config import Case, load_case
 
 CaseName = Annotated[str, typer.Argument(help="Name of a shipped case, or path of a TOML file.")]
-ArmAfter = Annotated[float, typer.Option("--arm-after-s", help="Arm the guard this late: lets the chatter grow first (s).")]
+ArmAfter = Annotated[
+    float, typer.Option("--arm-after-s", help="Arm the guard this late: lets the chatter grow first (s).")
+]
 
 
 @contextmanager
-def progress_bar(what: str) -> Iterator[Any]:
+def progress_bar(what: str) -> Generator[Callable[[float], None]]:
     """Show a bar on a terminal, nothing elsewhere."""
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda share: bar.update(task, completed=share)

@@ -35,7 +35,9 @@ def parse_band(text: str | None, rate_hz: float) -> tuple[float, float] | None:
 def detect(
     file: Annotated[pathlib.Path, typer.Argument(help="WAV, or CSV whose first row names columns with units.")],
     channel: Annotated[str | None, typer.Option("--channel", help="Name or number (from 0) of the channel.")] = None,
-    rate_hz: Annotated[float | None, typer.Option("--rate-hz", help="Sampling rate of a CSV without time_s (Hz).")] = None,
+    rate_hz: Annotated[
+        float | None, typer.Option("--rate-hz", help="Sampling rate of a CSV without time_s (Hz).")
+    ] = None,
     speed_rpm: Annotated[float | None, typer.Option("--speed-rpm", help="Spindle speed (1/min), if known.")] = None,
     tools: Annotated[int | None, typer.Option("--tools", help="Cutting edges or tools in one revolution.")] = None,
     band: BandText = None,

@@ -29,7 +29,9 @@ def load_recording(path: pathlib.Path, rate_hz: float | None = None) -> Recordin
     if head[:4] in (b"RIFF", b"RIFX", b"RF64"):
         recording = read_wav(path)
         if rate_hz is not None and abs(rate_hz / recording.rate_hz - 1.0) > 1e-6:
-            raise InputError("rate-hz", rate_hz, f"the rate in the header of {path} ({recording.rate_hz:g} Hz), or left out")
+            raise InputError(
+                "rate-hz", rate_hz, f"the rate in the header of {path} ({recording.rate_hz:g} Hz), or left out"
+            )
         return recording
     if path.suffix.lower() in (".csv", ".txt", ".tsv"):
         return read_csv(path, rate_hz)

@@ -59,7 +59,9 @@ def _header(path: pathlib.Path) -> tuple[list[str], str]:
     if not any(header):
         raise InputError("file", str(path), "a CSV whose first row names the columns (the file is empty)")
     if all(_is_number(name) for name in header):
-        raise InputError("file", str(path), f"a CSV whose first row names the columns with units (got {line.strip()!r})")
+        raise InputError(
+            "file", str(path), f"a CSV whose first row names the columns with units (got {line.strip()!r})"
+        )
     return header, delimiter
 
 
@@ -71,7 +73,9 @@ def _values(path: pathlib.Path, delimiter: str, columns: int) -> Floats:
     except ValueError:
         values = _tolerant(path, delimiter, columns)
     if values.shape[0] < 2 or values.shape[1] != columns:
-        raise InputError("file", str(path), f"a CSV with at least two rows of {columns} numbers ({values.shape[0]} found)")
+        raise InputError(
+            "file", str(path), f"a CSV with at least two rows of {columns} numbers ({values.shape[0]} found)"
+        )
     return np.where(np.isfinite(values), values, np.nan)
 
 
@@ -125,7 +129,9 @@ def _even(path: pathlib.Path, time: Floats, samples: Floats, notes: list[str]) -
         return 1.0 / period, samples
     index = np.rint((time - time[0]) / period).astype(np.int64)
     if (np.diff(index) == 0).any() or index[-1] > 20 * len(time):
-        raise InputError("time", f"steps {step.min():.3g}..{step.max():.3g} s", f"evenly spaced in {path}: resample it first")
+        raise InputError(
+            "time", f"steps {step.min():.3g}..{step.max():.3g} s", f"evenly spaced in {path}: resample it first"
+        )
     even = np.full((int(index[-1]) + 1, samples.shape[1]), np.nan)
     even[index] = samples
     notes.append(f"{len(even) - len(samples)} rows are missing in the time column; they count as gaps")

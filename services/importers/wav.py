@@ -23,7 +23,9 @@ def read_wav(path: pathlib.Path) -> Recording:
         try:
             rate, data = wavfile.read(path)
         except (ValueError, EOFError, struct.error, UnboundLocalError, ZeroDivisionError, TypeError) as error:
-            raise InputError("file", str(path), f"a readable WAV file ({error or 'it ends within its header'})") from error
+            raise InputError(
+                "file", str(path), f"a readable WAV file ({error or 'it ends within its header'})"
+            ) from error
     samples = _to_float(np.atleast_1d(data))
     if rate <= 0 or samples.size == 0:
         raise InputError("file", str(path), f"a WAV file with samples and a rate ({samples.size} samples, {rate} Hz)")
@@ -33,9 +35,15 @@ def read_wav(path: pathlib.Path) -> Recording:
     if missing:
         notes.append(f"{missing} of {len(samples)} samples are not finite numbers and count as gaps")
     channels = samples.shape[1]
-    names = ("mono",) if channels == 1 else ("left", "right") if channels == 2 else tuple(f"ch{k}" for k in range(channels))
+    names = (
+        ("mono",) if channels == 1 else ("left", "right") if channels == 2 else tuple(f"ch{k}" for k in range(channels))
+    )
     return Recording(
-        source=str(path), rate_hz=float(rate), names=names, units=("full scale",) * channels, samples=samples,
+        source=str(path),
+        rate_hz=float(rate),
+        names=names,
+        units=("full scale",) * channels,
+        samples=samples,
         notes=tuple(notes),
     )
 

@@ -79,7 +79,12 @@ class ControllerNode:
         self._events += 1
         return [
             Event(
-                run=self._run, source=SOURCE, sequence=self._events, cause=report.sequence,
-                sample=report.first_sample + report.samples, kind=decision.action, text=decision.reason,
+                run=self._run,
+                source=SOURCE,
+                sequence=self._events,
+                cause=report.sequence,
+                sample=report.first_sample + report.samples,
+                kind=decision.action,
+                text=decision.reason,
             )  # fmt: skip
         ]

@@ -11,7 +11,17 @@ import numpy as np
 from pitch import ShiftTrajectory, slide_set_points
 from services.config import Case
 from services.guard import Conditions, Guard
-from services.messages import BLOCK_S, Event, MachineState, Message, OperatorRequest, SampleBlock, Tick, Truth, TurretCommand
+from services.messages import (
+    BLOCK_S,
+    Event,
+    MachineState,
+    Message,
+    OperatorRequest,
+    SampleBlock,
+    Tick,
+    Truth,
+    TurretCommand,
+)
 from turning_sim import PlantBlock, Simulator
 
 SOURCE = "machine"
@@ -95,7 +105,12 @@ class MachineNode:
         plant = self.plant.advance(checked.x1, checked.y1)
         self._measured = np.array([plant.shift[-1], plant.x1_stage_position[-1], plant.y1_stage_position[-1]])
         self._in_cut = bool(plant.in_cut[-1])
-        return [*self._state(number, plant), self._servo(number, plant), self._truth(number, plant), *self._notices(number)]
+        return [
+            *self._state(number, plant),
+            self._servo(number, plant),
+            self._truth(number, plant),
+            *self._notices(number),
+        ]
 
     def _follow(self, target: float | None, n: int) -> np.ndarray:
         """Return the set points of the shift (rad) towards the target, or at rest where the guard stands."""
@@ -179,8 +194,13 @@ class MachineNode:
         for notice in self._guard.notices():
             events.append(
                 Event(
-                    run=self._run, source=SOURCE, sequence=self._events, cause=cause,
-                    sample=notice.sample, kind=notice.kind, text=notice.text,
+                    run=self._run,
+                    source=SOURCE,
+                    sequence=self._events,
+                    cause=cause,
+                    sample=notice.sample,
+                    kind=notice.kind,
+                    text=notice.text,
                 )  # fmt: skip
             )
             self._events += 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from chatter import ChatterEstimate, ChatterMonitor, LoadSideObserver
@@ -43,7 +45,12 @@ class MonitorNode:
     def handle(self, message: SampleBlock) -> list[Message]:
         """Return the force of the block, its verdict, and an event when the verdict changes."""
         force = self._force(message)
-        header = {"run": self._run, "source": SOURCE, "sequence": message.sequence, "cause": message.sequence}
+        header: dict[str, Any] = {
+            "run": self._run,
+            "source": SOURCE,
+            "sequence": message.sequence,
+            "cause": message.sequence,
+        }
         out: list[Message] = [
             ForceBlock(
                 **header,
@@ -113,8 +120,12 @@ class MonitorNode:
         self._events += 1
         return [
             Event(
-                run=self._run, source=SOURCE, sequence=self._events, cause=block.sequence,
-                sample=estimate.first_sample + estimate.samples, kind="monitor_state",
+                run=self._run,
+                source=SOURCE,
+                sequence=self._events,
+                cause=block.sequence,
+                sample=estimate.first_sample + estimate.samples,
+                kind="monitor_state",
                 text=f"{before or 'start'} -> {estimate.state}{at}{lost}",
             )  # fmt: skip
         ]
