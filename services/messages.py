@@ -139,7 +139,11 @@ class OperatorRequest(Message, frozen=True, kw_only=True):
 
 
 class Truth(Message, frozen=True, kw_only=True):
-    """What no sensor gives, shape (n,) each; recorded and reported, never read by monitor or controller."""
+    """What no sensor gives, shape (n,) each; recorded and reported, never read by monitor or controller.
+
+    `left1_um` and `left2_um` are the depths that the tools left on the surface, `phase1_rad` and `phase2_rad` the
+    material phase under them, `in_cut` is 1 in the cut and 0 in air.
+    """
 
     first_sample: int
     sample_rate_hz: float
@@ -149,7 +153,11 @@ class Truth(Message, frozen=True, kw_only=True):
     force_x1_n: Floats
     force_y1p_n: Floats
     z_mm: Floats
-    in_cut: bool
+    left1_um: Floats
+    left2_um: Floats
+    phase1_rad: Floats
+    phase2_rad: Floats
+    in_cut: Floats
 
 
 class Event(Message, frozen=True, kw_only=True):

@@ -16,6 +16,7 @@ from services.config import Case
 from services.messages import Floats
 from services.metrics import first_held, vibration_envelope
 from services.nodes.machine import make_plant
+from services.tape import plant_surface
 
 HELD_REVOLUTIONS = 2.0
 """Vibration that stays above the threshold for so long is chatter."""
@@ -114,7 +115,7 @@ def cut_open(case: Case, seed: int, shift: float, length: float) -> OpenCut:
     plant = make_plant(case, seed, initial_shift=shift, air_time=0.05)
     rate, cutting = case.settings.sample_rate_hz, case.cutting
     samples = round((0.05 + length / (cutting.feed_per_rev * cutting.spindle_hz)) * rate)
-    block = open_loop(case, plant, np.zeros(samples), shift)
+    block = open_loop(case, plant, samples, shift)
     entry = int(np.argmax(block.in_cut)) + math.ceil(rate / cutting.spindle_hz)
     vibration, position = 1e6 * block.vibration[entry:], 1e3 * block.tool_position[entry:]
     middle = case.settings.reference_chatter_hz
@@ -123,7 +124,7 @@ def cut_open(case: Case, seed: int, shift: float, length: float) -> OpenCut:
     onset = first_held(envelope > threshold, round(HELD_REVOLUTIONS * rate / cutting.spindle_hz))
     start = 0 if onset is None else onset
     amplitude = float(np.median(envelope[start:])) if envelope.size else None
-    ra = plant.roughness(float(block.tool_position[0]), float(block.tool_position[-1]))
+    ra = plant_surface(case, block).roughness(float(block.tool_position[0]), float(block.tool_position[-1]))
     common: dict[str, Any] = {"length_mm": 1e3 * length, "rate_hz": rate, "vibration_um": 1e6 * block.vibration}
     ra_um = 1e6 * ra if math.isfinite(ra) else None
     if onset is None:

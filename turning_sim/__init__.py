@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from turning_sim.linear import LinearParameters, linear_parameters
     from turning_sim.plant_block import PlantBlock
     from turning_sim.simulator import SimulationDiverged, Simulator
+    from turning_sim.surface import SurfaceTrace, finished_roughness
     from turning_sim.turrets import loads_of_force, shift_of_tool, slides_of_shift, tool_of_slides
     from turning_sim.workpiece import Chuck, Mode, Workpiece, cantilever_frequency_hz
 
@@ -25,9 +26,11 @@ __all__ = [
     "PlantBlock",
     "SimulationDiverged",
     "Simulator",
+    "SurfaceTrace",
     "TurretDrives",
     "Workpiece",
     "cantilever_frequency_hz",
+    "finished_roughness",
     "linear_parameters",
     "loads_of_force",
     "shift_of_tool",
@@ -37,6 +40,7 @@ __all__ = [
 ]
 
 _HOME = {
+    "surface": ("SurfaceTrace", "finished_roughness"),
     "chip": ("Chip", "ForceLaw", "steady_chip"),
     "cutting": ("Cutting",),
     "feed_drive": ("AxisControl", "FeedDrive", "TurretDrives"),

@@ -37,6 +37,10 @@ class PlantBlock:
         (rad), not wrapped.
     tool_position : ndarray
         Distance of the tools from the tip (m).
+    left1, left2 : ndarray
+        Depth that each tool left on the surface, deeper positive (m).
+    phase1, phase2 : ndarray
+        Material phase under each tool (rad), not wrapped.
     """
 
     first_sample: int
@@ -60,3 +64,7 @@ class PlantBlock:
     spindle_angle: np.ndarray
     tool_position: np.ndarray
     in_cut: np.ndarray
+    left1: np.ndarray
+    left2: np.ndarray
+    phase1: np.ndarray
+    phase2: np.ndarray

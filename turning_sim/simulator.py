@@ -13,14 +13,10 @@ from turning_sim.cutting import Cutting
 from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
 from turning_sim.linear import LinearParameters, linear_parameters
 from turning_sim.plant_block import PlantBlock
-from turning_sim.surface import generatrix, mean_roughness, profile
 from turning_sim.turrets import shift_of_tool, slides_of_shift, tool_of_slides
 from turning_sim.workpiece import Workpiece
 
 _TABLE_STEP = 0.5e-3
-_LINES = 12
-_TRACE = [kernels.LEFT1, kernels.LEFT2, kernels.PHASE1, kernels.PHASE2, kernels.POSITION]
-_PROFILE_STEP = 1e-6
 _LOWEST_SPINDLE_HZ = 5.0
 
 
@@ -106,7 +102,6 @@ class Simulator:
         self._noise = np.random.Generator(np.random.Philox(key=[seed, 0]))
         self._scale = np.random.Generator(np.random.Philox(key=[seed, 1]))
         self._state = self._rest(initial_shift)
-        self._trace: list[np.ndarray] = []
 
     def prepare(self) -> None:
         """Compile by running one dummy sample; the state is untouched."""
@@ -150,29 +145,7 @@ class Simulator:
         self.sample += n
         if status != kernels.Status.OK:
             raise SimulationDiverged(sample=self.sample, hint=_HINTS[kernels.Status(status)])
-        if out[kernels.IN_CUT].any():
-            self._trace.append(out[_TRACE])
         return self._block(first, out)
-
-    def roughness(self, start: float, stop: float) -> float:
-        """Return Ra (m) of the finished surface between two tool positions (m from the tip).
-
-        Both tools' nose arcs, as deep as each pass left them, are laid over each other along lines on the bar; the
-        lowest of them remains. Parts that are not yet cut on all sides do not count: nan if nothing remains.
-        """
-        require(start < stop, "start", "before stop", start)
-        margin = 2.0 * self.cutting.feed_per_rev
-        trace = np.concatenate(self._trace, axis=1) if self._trace else np.zeros((5, 0))
-        near = (trace[4] >= start - 2.0 * margin) & (trace[4] <= stop + 2.0 * margin)
-        near &= trace[4] > self._plant.start
-        trace = trace[:, near]
-        if trace.shape[1] < 2:
-            return math.nan
-        low, high = max(start, trace[4, 0] + margin), min(stop, trace[4, -1] - margin)
-        z = np.arange(low, high, _PROFILE_STEP)
-        if z.size < 100:
-            return math.nan
-        return float(np.mean([mean_roughness(self._height(trace, a, z), _PROFILE_STEP) for a in _line_angles()]))
 
     def linear_parameters(self, tool_position: float) -> LinearParameters:
         """Return the one-mode numbers with the tools at `tool_position` (m from the tip)."""
@@ -185,7 +158,6 @@ class Simulator:
             "state": {name: value.copy() for name, value in self._state.items()},
             "noise": self._noise.bit_generator.state,
             "scale": self._scale.bit_generator.state,
-            "trace": list(self._trace),
         }
 
     def restore(self, snapshot: dict[str, Any]) -> None:
@@ -194,13 +166,6 @@ class Simulator:
         self._state = {name: value.copy() for name, value in snapshot["state"].items()}
         self._noise.bit_generator.state = snapshot["noise"]
         self._scale.bit_generator.state = snapshot["scale"]
-        self._trace = list(snapshot["trace"])
-
-    def _height(self, trace: np.ndarray, angle: float, z: np.ndarray) -> np.ndarray:
-        # tool 2 meets a line half a turn after tool 1
-        lines = [generatrix(trace[2 + i], trace[i], trace[4], angle + np.pi * i) for i in range(2)]
-        positions, depths = (np.concatenate(parts) for parts in zip(*lines, strict=True))
-        return profile(positions, depths, self.cutting.nose_radius, z)
 
     def _plant_numbers(self, start: float, end: float, entry_sample: int) -> kernels.Plant:
         cut, drives = self.cutting, self.drives
@@ -286,6 +251,10 @@ class Simulator:
             contact2=out[kernels.CONTACT2] != 0.0,
             spindle_angle=out[kernels.ANGLE],
             tool_position=out[kernels.POSITION],
+            left1=out[kernels.LEFT1],
+            left2=out[kernels.LEFT2],
+            phase1=out[kernels.PHASE1],
+            phase2=out[kernels.PHASE2],
             in_cut=out[kernels.IN_CUT] != 0.0,
         )
 
@@ -295,9 +264,6 @@ _HINTS = {
     kernels.Status.SURFACE_MEMORY: "the spindle is too slow for the stored surface",
 }
 
-
-def _line_angles() -> np.ndarray:
-    return 2.0 * np.pi * (np.arange(_LINES) + 0.5) / _LINES
 
 
 def _control(axis: FeedDrive, gains: AxisControl, rate: float) -> kernels.Control:

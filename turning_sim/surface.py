@@ -2,9 +2,79 @@
 
 from __future__ import annotations
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
 _CUTOFF = 0.8e-3
+_LINES = 12
+_PROFILE_STEP = 1e-6
+
+
+class SurfaceTrace(NamedTuple):
+    """What both tools left, sample by sample, shape (n,) each.
+
+    Attributes
+    ----------
+    left1, left2 : ndarray
+        Depth (m) that each tool left, deeper positive.
+    phase1, phase2 : ndarray
+        Material phase under each tool, rising (rad).
+    position : ndarray
+        Tools from the tip (m); only samples in the cut belong in here.
+    """
+
+    left1: np.ndarray
+    left2: np.ndarray
+    phase1: np.ndarray
+    phase2: np.ndarray
+    position: np.ndarray
+
+
+def finished_roughness(
+    trace: SurfaceTrace, start: float, stop: float, *, nose_radius: float, feed_per_rev: float
+) -> float:
+    """Return Ra (m) of the finished surface between two tool positions.
+
+    Both tools' nose arcs, as deep as each pass left them, are laid over each other along lines on the bar; the
+    lowest of them remains. Parts that are not yet cut on all sides do not count.
+
+    Parameters
+    ----------
+    trace : SurfaceTrace
+        What both tools left.
+    start, stop : float
+        Tools from the tip (m).
+    nose_radius, feed_per_rev : float
+        (m)
+
+    Returns
+    -------
+    float
+        nan if nothing remains.
+    """
+    if not start < stop:
+        raise ValueError(f"start must be before stop ({stop}), got {start}")
+    margin = 2.0 * feed_per_rev
+    near = (trace.position >= start - 2.0 * margin) & (trace.position <= stop + 2.0 * margin)
+    part = SurfaceTrace(*(values[near] for values in trace))
+    if part.position.size < 2:
+        return math.nan
+    low, high = max(start, part.position[0] + margin), min(stop, part.position[-1] - margin)
+    z = np.arange(low, high, _PROFILE_STEP)
+    if z.size < 100:
+        return math.nan
+    angles = 2.0 * np.pi * (np.arange(_LINES) + 0.5) / _LINES
+    return float(np.mean([mean_roughness(_height(part, a, nose_radius, z), _PROFILE_STEP) for a in angles]))
+
+
+def _height(trace: SurfaceTrace, angle: float, nose_radius: float, z: np.ndarray) -> np.ndarray:
+    # tool 2 meets a line half a turn after tool 1
+    one = generatrix(trace.phase1, trace.left1, trace.position, angle)
+    two = generatrix(trace.phase2, trace.left2, trace.position, angle + np.pi)
+    positions, depths = (np.concatenate(parts) for parts in zip(one, two, strict=True))
+    return profile(positions, depths, nose_radius, z)
 
 
 def generatrix(

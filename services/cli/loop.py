@@ -6,6 +6,7 @@ import math
 import pathlib
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Annotated
 
 import typer
@@ -68,9 +69,13 @@ def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: fl
     if not as_json:
         armed = "at once" if arm_after_s == 0 else f"after {arm_after_s:g} s"
         console.print(f"{case.name}: {case.settings.title}\nseed {used}; the guard is armed {armed}", highlight=False)
+    clock = WallClock()
+    started = clock.now()
     with progress_bar(case.name) as progress:
-        outcome = run_case(case, used, WallClock(), arm_after_s=arm_after_s, progress=progress)
-        written = _write(outcome, out)
+        outcome = run_case(case, used, clock, arm_after_s=arm_after_s, progress=progress)
+        figures = _draw(outcome, out)
+        outcome = replace(outcome, summary=replace(outcome.summary, total_wall_s=clock.now() - started))
+        written = [*figures, *_write(outcome, out)]
         progress(1.0)
     text = words(outcome)
     if written:
@@ -79,15 +84,20 @@ def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: fl
     return INTERRUPTED if outcome.record.interrupted else 0
 
 
-def _write(outcome: Outcome, out: pathlib.Path | None) -> list[pathlib.Path]:
+def _draw(outcome: Outcome, out: pathlib.Path | None) -> list[pathlib.Path]:
     if out is None:
         return []
     from services.figures import write_figures
+
+    return write_figures(outcome.record, outcome.summary, out)
+
+
+def _write(outcome: Outcome, out: pathlib.Path | None) -> list[pathlib.Path]:
+    if out is None:
+        return []
     from services.report import write_report, write_summary
 
-    out.mkdir(parents=True, exist_ok=True)
-    record, summary = outcome.record, outcome.summary
-    return [write_summary(summary, out), *write_figures(record, summary, out), write_report(record, summary, out)]
+    return [write_summary(outcome.summary, out), write_report(outcome.record, outcome.summary, out)]
 
 
 def words(outcome: Outcome) -> str:

@@ -186,7 +186,11 @@ class MachineNode:
             force_x1_n=plant.force_x1,
             force_y1p_n=plant.force_y1p,
             z_mm=plant.tool_position * 1e3,
-            in_cut=bool(plant.in_cut[-1]),
+            left1_um=plant.left1 * 1e6,
+            left2_um=plant.left2 * 1e6,
+            phase1_rad=plant.phase1,
+            phase2_rad=plant.phase2,
+            in_cut=plant.in_cut.astype(np.float64),
         )
 
     def _notices(self, cause: int) -> list[Message]:

@@ -13,7 +13,7 @@ from services.errors import InputError
 from services.units import has_unit
 
 PLAIN = ("ratio", "exponent", "factor", "overlap", "count", "per_minute", "hysteresis", "confidence", "damping_ratios")
-UNITLESS_MESSAGE_FIELDS = {"confidence", "indicator", "limit"}
+UNITLESS_MESSAGE_FIELDS = {"confidence", "indicator", "limit", "in_cut"}
 
 
 @pytest.mark.parametrize("name", list(shipped()))

@@ -5,7 +5,18 @@ import math
 
 import numpy as np
 
-from turning_sim import AxisControl, Chuck, Cutting, FeedDrive, Simulator, TurretDrives, Workpiece, slides_of_shift
+from turning_sim import (
+    AxisControl,
+    Chuck,
+    Cutting,
+    FeedDrive,
+    Simulator,
+    SurfaceTrace,
+    TurretDrives,
+    Workpiece,
+    finished_roughness,
+    slides_of_shift,
+)
 
 CHUCK = Chuck(lateral_stiffness=1.43e8, tilt_stiffness=6.36e4)
 
@@ -67,6 +78,14 @@ def run(sim, seconds, shift=0.0, block=90):
     blocks = [sim.advance(x[i : i + block], y[i : i + block]) for i in range(0, count, block)]
     names = [f.name for f in dataclasses.fields(blocks[0]) if f.name not in ("first_sample", "sample_rate_hz")]
     return {name: np.concatenate([getattr(b, name) for b in blocks]) for name in names}
+
+
+def roughness(sim, out, start, stop):
+    """Ra of what `run` cut between two positions (m)."""
+    names = ("left1", "left2", "phase1", "phase2", "tool_position")
+    trace = SurfaceTrace(*(out[name][out["in_cut"]] for name in names))
+    cut = sim.cutting
+    return finished_roughness(trace, start, stop, nose_radius=cut.nose_radius, feed_per_rev=cut.feed_per_rev)
 
 
 def smooth_step(count, start, length, height):
