@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter.dominance import Dominant, harmonic_bins, standing_limit, strongest
+from chatter.dominance import Dominant, standing_limit, strongest
 from chatter.estimate import LimitSource, MonitorConfig
 from chatter.limits import LearnedLevel
 from chatter.line_tracker import Found, LineTracker
@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 
 PERSISTENCE = 3
 """Windows for which a line must dominate a wide band: longer than a knock or an entry lasts in one window."""
+VARIES = 2.0
+"""Least power over its quiet level of a line that dominates all of the band: a tone of the machine does not vary."""
 PATIENCE = 2
 """Windows after which an alarm is given although no line has stood still: two may beat for long."""
 
@@ -126,13 +128,12 @@ class Detector:
         level = self._config.hysteresis**2 if memory.alarm else 1.0
         square_over = square > level * square_limit
         if self._config.dominance is None:
-            peak, share, found = int((power / line_limit).argmax()), 0.0, None
+            peak, share = int((power / line_limit).argmax()), 0.0
             line_over = bool(power[peak] > level * line_limit[peak])
         else:
-            best, found = self._dominant(power, square, history, spindle_hz)
+            best = self._dominant(power, square, spindle_hz)
             peak, share = (best.peak, best.share) if best else (int(power.argmax()), 0.0)
-            line_over, alone = self._dominates(best, power, line_limit, source, level)
-            square_over = square_over or alone
+            line_over = self._dominates(best, power, line_limit, source, level)
         over = int(line_over) + int(square_over)
         fields: dict[str, Any] = {
             "indicator": sqrt(square),
@@ -147,9 +148,8 @@ class Detector:
             memory.alarm, memory.raised, memory.score = False, 0, 0
             self._tracker.forget()
         else:
-            if found is None and line_over and (over == 2 or memory.alarm):
-                found = self._find(peak, history, spindle_hz)
-            self._tracker.follow(found if line_over else None, history)
+            look = line_over and (over == 2 or memory.alarm)
+            self._tracker.follow(self._find(peak, history, spindle_hz) if look else None, history)
             self._switch(over == 2)
             fields.update(self._tracker.describe())
         fields["state"] = self._state(over, in_cut)
@@ -186,31 +186,27 @@ class Detector:
         self._memory.air.forget()
         self._memory.air.learn(power, square, windows)
 
-    def _dominant(
-        self, power: Floats, square: float, history: Floats, spindle_hz: float | None
-    ) -> tuple[Dominant | None, Found | None]:
-        """Return the strongest line of a wide band that is not forced, or else the forced one, and what is known."""
+    def _dominant(self, power: Floats, square: float, spindle_hz: float | None) -> Dominant | None:
+        """Return the strongest line of a wide band that is not forced."""
+        kept_hz = self._tracker.followed_hz if self._memory.alarm else np.inf
+        uncertainty = self._config.speed_uncertainty
         standing = standing_limit(power)
-        best = strongest(power, standing, square)
-        forced = harmonic_bins(self._frequencies_hz, spindle_hz, self._config.speed_uncertainty)
-        if best is None or forced is None or not forced[best.peak]:
-            return best, None
-        found = self._find(best.peak, history, spindle_hz)
-        if found is not None and found.kind == "forced":
-            other = strongest(power, standing, square, forced)
-            if other is not None:
-                return other, None
-        return best, found
+        return strongest(power, standing, square, self._frequencies_hz, spindle_hz, uncertainty, kept_hz)
 
     def _dominates(
         self, best: Dominant | None, power: Floats, limit: Floats, source: LimitSource, level: float
-    ) -> tuple[bool, bool]:
-        """Return whether a line dominates, and whether it does so without the help of a reference."""
+    ) -> bool:
+        """Return whether a line dominates all lines and began in what was seen, or else dominates all of the band."""
         least = level * (self._config.dominance or 0.0)
         if best is None:
-            return False, False
-        began = source != "spectrum" and bool(power[best.peak] > level * limit[best.peak]) and best.share >= least
-        return began or best.whole >= least, best.whole >= least
+            return False
+        quiet = self._memory.air
+        if source != "spectrum":
+            if best.share >= least and power[best.peak] > level * limit[best.peak]:
+                return True
+            if quiet.square > 0.0 and power[best.peak] < VARIES * quiet.power[best.peak]:
+                return False  # it stands where it stood while the rest of the band was quieter
+        return best.whole >= least
 
     def _follow_context(self, in_cut: bool | None, moving: bool) -> None:
         memory = self._memory
@@ -282,6 +278,7 @@ class Detector:
         """Ask in a wide band for one line for three windows, up for each block with it and down for each without."""
         memory = self._memory
         most = PERSISTENCE * self._window_blocks
+        counts = counts and (memory.alarm or not self._tracker.decays)
         if counts and not self._tracker.is_followed(memory.alarm):
             memory.score, counts = (memory.score, False) if memory.alarm else (0, True)
         memory.score = min(memory.score + 1, most) if counts else max(memory.score - 1, 0)

@@ -11,8 +11,6 @@ CHANCE = 1e-3
 """Probability that noise alone shows a line anywhere in one spectrum."""
 NEIGHBOURS = 32
 """Bins over which the floor is taken, as their median."""
-LOBE = 2
-"""Bins to either side of a line under a Hann window that hold its energy."""
 HANN_SQUARES = 3.0
 """Sum of the squared amplitudes over the bins of a line under a Hann window, over the mean square of the line."""
 MATERIAL = 0.1
@@ -65,27 +63,49 @@ def standing_limit(power: Floats) -> Floats:
     return np.maximum(floor_of(power) * np.log(len(power) / CHANCE), np.finfo(np.float64).tiny)
 
 
-def harmonic_bins(frequencies_hz: Floats, spindle_hz: float | None, uncertainty: float) -> NDArray[np.bool_] | None:
-    """Return the bins that a harmonic of the spindle reaches; None when that leaves too few to look at.
+def is_harmonic(frequency_hz: Floats, spindle_hz: float, tolerance_hz: Floats) -> NDArray[np.bool_]:
+    """Return which frequencies are harmonics of the spindle.
 
     Parameters
     ----------
-    frequencies_hz : ndarray, shape (bins,)
-        Bins (Hz), equally spaced.
-    spindle_hz : float or None
+    frequency_hz : ndarray, shape (m,)
+        Frequencies (Hz).
+    spindle_hz : float
         Spindle speed (Hz).
-    uncertainty : float
-        Relative uncertainty of the speed.
+    tolerance_hz : ndarray, shape (m,)
+        How far a harmonic may lie from its nominal place (Hz).
     """
-    spacing = frequencies_hz[1] - frequencies_hz[0]
-    if not spindle_hz or spindle_hz < 4.0 * LOBE * spacing:
-        return None
-    away = np.abs(frequencies_hz - spindle_hz * np.round(frequencies_hz / spindle_hz))
-    return away <= LOBE * spacing + uncertainty * frequencies_hz
+    return np.abs(frequency_hz - spindle_hz * np.round(frequency_hz / spindle_hz)) <= tolerance_hz
 
 
-def strongest(power: Floats, limit: Floats, square: float, forced: NDArray[np.bool_] | None = None) -> Dominant | None:
-    """Return the strongest line outside the forced bins with its share; None when none stands out.
+def peaks(power: Floats, limit: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Return the bins of the lines and their distance from the true frequencies in bins (Hann window).
+
+    Parameters
+    ----------
+    power : ndarray, shape (bins,)
+        Squared amplitude of every bin.
+    limit : ndarray, shape (bins,)
+        Power over which a bin holds a line.
+    """
+    padded = np.concatenate([[0.0], power, [0.0]])
+    below, above = padded[:-2], padded[2:]
+    found = np.flatnonzero((power > limit) & (power >= below) & (power > above))
+    ratio = np.sqrt(np.maximum(below, above)[found] / power[found])
+    away = np.clip((2.0 * ratio - 1.0) / (ratio + 1.0), 0.0, 0.5)
+    return found, np.where(above[found] > below[found], away, -away)
+
+
+def strongest(
+    power: Floats,
+    limit: Floats,
+    square: float,
+    frequencies_hz: Floats,
+    spindle_hz: float | None,
+    uncertainty: float,
+    kept_hz: float = np.inf,
+) -> Dominant | None:
+    """Return the strongest line that is no harmonic of the spindle; None when there is none that matters.
 
     Parameters
     ----------
@@ -95,17 +115,31 @@ def strongest(power: Floats, limit: Floats, square: float, forced: NDArray[np.bo
         Power over which a bin holds a line.
     square : float
         Mean square of the band.
-    forced : ndarray of bool, shape (bins,), or None
-        Bins of forced vibration, left out.
+    frequencies_hz : ndarray, shape (bins,)
+        Bins (Hz), equally spaced.
+    spindle_hz : float or None
+        Spindle speed (Hz).
+    uncertainty : float
+        Relative uncertainty of the speed.
+    kept_hz : float
+        A line known to chatter (Hz), which may drift over a harmonic without becoming one.
     """
-    lines = np.where(power > limit, power, 0.0)
-    total = float(lines.sum())
-    if forced is not None:
-        lines[forced] = 0.0
-    peak = int(lines.argmax())
-    free = float(lines.sum())
-    own = float(lines[max(peak - LOBE, 0) : peak + LOBE + 1].sum())
-    if own == 0.0 or own < MATERIAL * total:
+    found, away = peaks(power, limit)
+    if not found.size:
         return None
-    rest = max(square - (total - free) / HANN_SQUARES, own / HANN_SQUARES)
-    return Dominant(peak=peak, share=own / free, whole=own / HANN_SQUARES / rest)
+    padded = np.concatenate([[0.0], power, [0.0]])
+    own = padded[found] + padded[found + 1] + padded[found + 2]
+    free = np.ones(found.size, dtype=bool)
+    if spindle_hz:
+        spacing = frequencies_hz[1] - frequencies_hz[0]
+        frequency = frequencies_hz[found] + away * spacing
+        free = ~is_harmonic(frequency, spindle_hz, uncertainty * frequency + 0.25 * spacing)
+        free |= np.abs(frequency - kept_hz) <= spacing
+    total, competing = float(own.sum()), float(own[free].sum())
+    best = int(np.argmax(np.where(free, own, 0.0)))
+    if not free[best] or own[best] < MATERIAL * total:
+        return None
+    rest = max(square - (total - competing) / HANN_SQUARES, own[best] / HANN_SQUARES)
+    return Dominant(
+        peak=int(found[best]), share=float(own[best]) / competing, whole=float(own[best]) / HANN_SQUARES / rest
+    )

@@ -4,12 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from chatter.estimate import ChatterEstimate, Kind
+from chatter.estimate import ChatterEstimate
+
+PAUSE = 3.0
+"""Windows of pause that do not end an episode: as long as an alarm takes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Episode:
-    """A stretch of chatter, or of forced vibration that dominates.
+    """A stretch in which one line dominates.
 
     Parameters
     ----------
@@ -17,14 +20,14 @@ class Episode:
         Time from sample 0 (s).
     frequency_hz : float
         Frequency of the strongest line (Hz).
-    kind : str
-        ``regenerative`` or ``forced``.
+    weight : float
+        Energy of that line times time, to tell which of two episodes is the stronger.
     """
 
     start: float
     end: float
     frequency_hz: float
-    kind: Kind
+    weight: float
 
 
 def episodes(estimates: list[ChatterEstimate], rate: float, window: float) -> list[Episode]:
@@ -45,13 +48,35 @@ def episodes(estimates: list[ChatterEstimate], rate: float, window: float) -> li
     alarm = [e.state == "chatter" for e in estimates]
     raised = [e.raised and e.kind == "regenerative" for e in estimates]
     spans = [_widened(a, b, raised, patience) for a, b in _runs(alarm)]
-    joined: list[tuple[int, int]] = []
-    for a, b in spans:
-        if joined and a - joined[-1][1] <= 3 * patience:
-            joined[-1] = (joined[-1][0], b)
+    return [_episode(estimates, a, b, rate, window) for a, b in spans]
+
+
+def joined(found: list[Episode], window: float) -> list[Episode]:
+    """Return episodes with those joined that follow on each other; the frequency is that of the strongest.
+
+    Parameters
+    ----------
+    found : list of Episode
+        In order of time.
+    window : float
+        Window of detection (s).
+    """
+    out: list[Episode] = []
+    for episode in found:
+        if out and episode.start - out[-1].end <= PAUSE * window:
+            last = out.pop()
+            strongest = max(last, episode, key=lambda e: e.weight)
+            out.append(
+                Episode(
+                    start=last.start,
+                    end=max(last.end, episode.end),
+                    frequency_hz=strongest.frequency_hz,
+                    weight=last.weight + episode.weight,
+                )
+            )
         else:
-            joined.append((a, b))
-    return [_episode(estimates, a, b, rate, window) for a, b in joined]
+            out.append(episode)
+    return out
 
 
 def _runs(flags: list[bool]) -> list[tuple[int, int]]:
@@ -83,10 +108,11 @@ def _episode(estimates: list[ChatterEstimate], first: int, last: int, rate: floa
     high = np.searchsorted(frequency, frequency + 0.5 / window, side="right")
     centre = int(np.argmax(total[high] - total[low]))
     near = slice(int(low[centre]), int(high[centre]))
+    weight_near = float(total[high[centre]] - total[low[centre]])
     start, end = estimates[first], estimates[last]
     return Episode(
         start=max((start.first_sample + start.samples) / rate - 0.5 * window, 0.0) if first else 0.0,
         end=(end.first_sample + end.samples) / rate - (0.5 * window if last < len(estimates) - 1 else 0.0),
         frequency_hz=float(np.average(frequency[near], weights=weight[near])),
-        kind="regenerative",
+        weight=weight_near,
     )

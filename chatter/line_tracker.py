@@ -73,6 +73,17 @@ class LineTracker:
         return self._track.kind if self._track.line is not None else None
 
     @property
+    def followed_hz(self) -> float:
+        """Frequency of the line followed in a wide band (Hz)."""
+        return self._track.followed_hz
+
+    @property
+    def decays(self) -> bool:
+        """Whether the line falls e-fold within its stretch: a ring after a knock keeps nothing up."""
+        line = self._track.line
+        return line is not None and line.growth * line.span <= -1.0
+
+    @property
     def agreeing(self) -> int:
         """Consecutive blocks in which the line was the same as in the block before."""
         return self._track.agreeing

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import resample_poly
 
-from chatter.episodes import Episode, episodes
+from chatter.comb import comb_of
+from chatter.dominance import floor_of
+from chatter.episodes import Episode, episodes, joined
 from chatter.estimate import Kind, MonitorConfig
 from chatter.monitor import ChatterMonitor
 
@@ -18,9 +20,13 @@ LOWEST_HZ, HIGHEST_HZ = 100.0, 5000.0
 USABLE = 0.4
 """Part of the sampling rate up to which a recorder without a stated filter is trusted."""
 WINDOW = 0.1
-"""Window of detection (s): resolves 20 Hz, enough for tooth passing from 600 1/min and four teeth on."""
+"""Window of detection (s)."""
+HARMONIC_BINS, LONGEST = 5.0, 0.5
+"""Bins from one harmonic of the spindle to the next, so that something fits between them; and the longest window."""
 QUIET = 0.1
 """Part of the recording, bin by bin, that is taken to hold no chatter."""
+STEADY = 2.0
+"""A recording whose mean square varies less (3 dB) has no idle part: what is there may have been there all along."""
 DOMINANCE = 0.5
 """Chatter holds more energy than all other lines together; cf. the energy ratios of chatter to periodic vibration."""
 
@@ -103,7 +109,7 @@ def detect_recording(
         return RecordingVerdict(
             verdict=None, reason=f"sampled at {sample_rate_hz:g} Hz, cannot see chatter above {low:g} Hz"
         )
-    config = _configuration(low, high, tools)
+    config = _configuration(low, high, spindle_hz, tools)
     if high >= 0.5 * sample_rate_hz:
         return RecordingVerdict(
             verdict=None, reason=f"sampled at {sample_rate_hz:g} Hz, cannot see {low:g}..{high:g} Hz"
@@ -116,9 +122,10 @@ def detect_recording(
     notes = []
     if not np.isfinite(samples).all():
         notes.append(f"{int((~np.isfinite(samples)).any(axis=1).sum())} samples are not finite and were left out")
+    if not np.isfinite(samples).all(axis=1).any():
+        return RecordingVerdict(verdict=None, reason="holds no finite sample", notes=tuple(notes))
     thin, rate = _thinned(samples, sample_rate_hz, high)
-    found = _judged(thin, rate, config, spindle_hz)
-    events = tuple(Event(start=e.start, end=e.end, frequency_hz=e.frequency_hz, kind=e.kind) for e in found)
+    events = tuple(_judged(thin, rate, config, spindle_hz))
     if spindle_hz is None:
         notes.append("spindle speed unknown: forced vibration is told from chatter by its many lines only")
     chatters = any(e.kind == "regenerative" for e in events)
@@ -136,10 +143,10 @@ def _as_samples(signal: ArrayLike) -> Floats:
     return np.array(samples, dtype=np.float64)
 
 
-def _configuration(low: float, high: float, tools: int | None) -> MonitorConfig:
+def _configuration(low: float, high: float, spindle_hz: float | None, tools: int | None) -> MonitorConfig:
     if not 0.0 < low < high:
         raise ValueError(f"band_hz must be (low, high) with 0 < low < high, got {(low, high)}")
-    window = max(WINDOW, 10.0 / low, 16.0 / (high - low))
+    window = max(WINDOW, 10.0 / low, 16.0 / (high - low), min(HARMONIC_BINS / (spindle_hz or np.inf), LONGEST))
     return MonitorConfig(
         band_hz=(low, high),
         window=window,
@@ -165,14 +172,35 @@ def _thinned(samples: Floats, sample_rate_hz: float, high: float) -> tuple[Float
     return thin, sample_rate_hz / step
 
 
-def _judged(signal: Floats, rate: float, config: MonitorConfig, spindle_hz: float | None) -> list[Episode]:
-    """Take the quiet tenth of every bin for the reference, and ask the monitor."""
+def _judged(signal: Floats, rate: float, config: MonitorConfig, spindle_hz: float | None) -> list[Event]:
+    """Ask the monitor, set forced vibration aside, and ask again without it."""
     monitor = ChatterMonitor(config, rate, signal.shape[1])
+    reach = 1.5 / config.window
+    _assume_quiet(monitor, signal)
+    quiet = monitor.snapshot()
+    found = episodes(monitor.process(signal, 0, spindle_hz=spindle_hz), rate, config.window)
+    combs = [comb_of(signal, rate, e.start, e.end, e.frequency_hz, reach) for e in found]
+    events = [_event(e, "forced") for e, base in zip(found, combs, strict=True) if base is not None]
+    if events:
+        monitor.restore(quiet)
+        base = min(base for base in combs if base is not None)
+        found = episodes(monitor.process(signal, 0, spindle_hz=base), rate, config.window)
+        found = [e for e in found if comb_of(signal, rate, e.start, e.end, e.frequency_hz, reach) is None]
+    events += [_event(e, "regenerative") for e in joined(found, config.window)]
+    return sorted(events, key=lambda e: e.start)
+
+
+def _event(episode: Episode, kind: Kind) -> Event:
+    return Event(start=episode.start, end=episode.end, frequency_hz=episode.frequency_hz, kind=kind)
+
+
+def _assume_quiet(monitor: ChatterMonitor, signal: Floats) -> None:
+    """Take the quiet tenth of every bin for the signal without chatter."""
     power, square = monitor.levels(signal)
-    windows = len(power) * config.block / config.window
-    if windows >= 1.0 / QUIET:
-        # Power of noise is exponential: a quantile q stands -ln(1 - q) means high, and scatters as if from a tenth
-        # of the windows.
-        quiet = np.quantile(power, QUIET, axis=0, overwrite_input=True) / -np.log1p(-QUIET)
-        monitor.assume(quiet, float(np.quantile(square, QUIET)), QUIET * windows)
-    return episodes(monitor.process(signal, 0, spindle_hz=spindle_hz), rate, config.window)
+    windows = len(power) * monitor.config.block / monitor.config.window
+    if windows < 1.0 / QUIET:
+        return
+    low, loud = np.quantile(square, [QUIET, 1.0 - QUIET])
+    quiet = np.quantile(power, QUIET, axis=0, overwrite_input=True)
+    noise = floor_of(quiet) * np.log(2.0) / -np.log1p(-QUIET)  # a quantile q of noise stands -ln(1 - q) means high
+    monitor.assume(np.maximum(quiet, noise), 0.0 if loud < STEADY * low else float(low), windows)
