@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pitch
-from services.guard import Plan
+from services.guard import Guard, Plan
 from tests.services.guard_kit import BLOCK, DIAMETER, PSI, RATE, Rig, limits, on_arc
 
 SHIFT = math.radians(2.8)
@@ -64,7 +64,9 @@ def test_every_request_in_every_state(request_, row, state):
 
 def test_it_boots_off_and_nothing_moves_until_armed():
     rig = Rig()
-    assert (rig.guard.state, rig.guard.session, rig.guard.feed_inhibit_requested) == ("OFF", "", False)
+    assert (rig.guard.state, rig.guard.session) == ("OFF", "")
+    assert not rig.guard.feed_inhibit_requested
+    assert not rig.guard.feed_hold_requested
     rig.mangle = lambda points: points + 1e-4
     rig.run(20, 2.0)
     assert (rig.points() == 0.0).all()
@@ -264,6 +266,16 @@ def test_it_returns_only_if_the_cutting_permits(interlock):
     assert rig.guard.state == "FAULT"
     assert not rig.guard.feed_hold_requested
     rig.assert_within()
+
+
+def test_feed_hold_is_asked_for_at_t2_if_it_cannot_return():
+    rig = rig_in("ACTIVE", on_loss="return")
+    rig.say(2.8)
+    start = rig.now
+    rig.conditions = {"feed_hold": True}
+    while not rig.guard.feed_hold_requested:
+        rig.block()
+    assert rig.now - BLOCK - start == 9000
 
 
 def test_no_feed_hold_is_asked_for_in_air():
@@ -555,6 +567,11 @@ def test_two_runs_of_the_same_story_are_the_same_to_the_bit():
     one, two = story(), story()
     assert (one.points() == two.points()).all()
     assert one.notices == two.notices
+
+
+def test_without_a_start_the_machine_stands_at_zero():
+    guard = Guard(limits(), run="run", controller="controller", operator="operator", token=str)
+    assert (guard.position == 0.0).all()
 
 
 def test_the_limits_are_there_to_be_printed():

@@ -120,6 +120,20 @@ def test_apply_at_never_runs_backwards():
     assert rig.say(2.0, **times(rig, 0, 270, 900)).accepted
 
 
+def test_sequence_and_samples_may_be_zero():
+    rig = Rig()
+    rig.ask("arm")
+    rig.block()
+    zero = {"issued_sample": 0, "apply_at_sample": 0, "sequence": 0}
+    assert rig.say(0.0, **zero) == (True, "", True)
+    assert rig.say(0.0, **zero).reason == "duplicate"
+    rig.ask("dry_run")
+    rig.block()
+    rig.ask("arm")
+    rig.block()
+    assert rig.say(0.0, **zero | {"expires_at_sample": rig.now}).accepted
+
+
 def test_a_rejected_command_does_not_use_up_its_sequence():
     rig = ready()
     assert rig.say(1.0, session="old", sequence=60).reason == "session"
@@ -200,7 +214,7 @@ def test_dwell_at_its_edge():
 def test_the_change_of_the_target_is_limited(sign):
     rig = ready(target_step=math.radians(3.0))
     assert rig.say(sign * 3.0001).reason == "limit"
-    assert rig.say(sign * 2.9999).accepted
+    assert rig.say(sign * 3.0).accepted
     assert rig.say(sign * -0.001).reason == "limit"
     assert rig.say(0.0).accepted
 
@@ -232,6 +246,16 @@ def test_travel_is_kept_for_the_way_home():
     rig.run(60, 0.0)
     assert rig.guard.state == "ACTIVE"
     assert rig.guard.shift == pytest.approx(0.0, abs=1e-12)
+
+
+def test_travel_counts_anew_in_each_session():
+    rig = ready(shift_travel=math.radians(9.0))
+    assert rig.say(4.0).accepted
+    rig.run(60, 4.0)
+    assert rig.say(-1.0).reason == "travel"
+    assert rig.ask("disarm") == ""
+    rig.active()
+    assert rig.say(1.5).accepted
 
 
 @pytest.mark.parametrize("state", ["OFF", "FAULT"])
