@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from chatter.dominance import Dominant, standing_limit, strongest
 from chatter.estimate import LimitSource, MonitorConfig
 from chatter.limits import LearnedLevel
-from chatter.line_tracker import Found, LineTracker
+from chatter.line_tracker import STRETCH, Found, LineTracker
 
 Floats = NDArray[np.float64]
 
 PERSISTENCE = 3
 """Windows for which a line must dominate a wide band: longer than a knock or an entry lasts in one window."""
+SETTLING = 0.5
+"""Windows after the entry that must have left the stretch of the frequency: the blow of the entry rings in them."""
 VARIES = 2.0
 """Least power over its quiet level of a line that dominates all of the band: a tone of the machine does not vary."""
 PATIENCE = 2
@@ -270,7 +272,8 @@ class Detector:
             memory.alarm = memory.lowered < self._window_blocks
         elif counts:
             patient = memory.raised > PATIENCE * self._window_blocks
-            memory.alarm = self._tracker.agreeing >= config.confirm or patient
+            inside = memory.since_entry * config.block >= (STRETCH + SETTLING) * config.window
+            memory.alarm = inside and (self._tracker.agreeing >= config.confirm or patient)
             if memory.alarm and not self._ready(memory.cut, config.cutting_time):
                 memory.cut.forget()  # the growth just before the alarm is in it
 

@@ -69,7 +69,7 @@ class ChatterMonitor:
         self._window = round(config.window * self.sample_rate_hz)
         spacing = self.sample_rate_hz / self._window
         bins = np.arange(max(ceil(low / spacing - 1e-9), 1), int(high / spacing + 1e-9) + 1)
-        self._frequencies_hz = bins * spacing
+        self._frequencies_hz = np.asarray(bins * spacing, dtype=np.float64)
         around = np.concatenate([bins[:1] - 1, bins, bins[-1:] + 1]) * spacing
         sections = butterworth(ORDER, (low, high), self.sample_rate_hz, "bandpass")
         self._filter = BiquadFilter(sections, self.channels)
@@ -104,8 +104,8 @@ class ChatterMonitor:
         tone = np.sin(2.0 * np.pi * float(np.mean(self.config.band_hz)) * time)
         twin.process(np.repeat(tone[:, None], self.channels, axis=1), 0)
 
-    def levels(self, signal: ArrayLike) -> tuple[Floats, Floats]:
-        """Return squared line amplitudes, shape (m, bins), and mean squares, shape (m,), of all blocks of a signal.
+    def levels(self, signal: ArrayLike, every: int = 1) -> tuple[Floats, Floats]:
+        """Return squared line amplitudes, shape (m, bins), and mean squares, shape (m,), of the blocks of a signal.
 
         The windows are empty afterwards, and learned limits stay as they are. Blocks that are not finite and those
         whose window reaches back over one, or over the start, are left out.
@@ -114,6 +114,8 @@ class ChatterMonitor:
         ----------
         signal : array_like, shape (n, channels)
             A recording.
+        every : int
+            Only every so many blocks are returned.
         """
         samples = as_block(signal, self.channels)
         powers, squares, since = [], [], 0
@@ -126,7 +128,7 @@ class ChatterMonitor:
                 since = 0
                 continue
             _, power, square = self._analyse(block)
-            if since > self._window + self.block:
+            if since > self._window + self.block and start // self.block % every == 0:
                 powers.append(power)
                 squares.append(square)
         self._restart()
@@ -214,7 +216,13 @@ class ChatterMonitor:
         self, block: Floats, first: int, in_cut: bool | None, spindle_hz: float | None, moving: bool
     ) -> ChatterEstimate:
         gap, late, self._lost, self._late = self._lost, self._late, 0, 0
-        common = {"first_sample": first, "samples": len(block), "gap": gap, "late": late, "moving": bool(moving)}
+        common: dict[str, Any] = {
+            "first_sample": first,
+            "samples": len(block),
+            "gap": gap,
+            "late": late,
+            "moving": bool(moving),
+        }
         if not np.abs(block).max() <= IMPLAUSIBLE:
             self._restart()
             return ChatterEstimate(**common, state="invalid")

@@ -19,6 +19,10 @@ LOWEST_HZ, HIGHEST_HZ = 100.0, 5000.0
 """Band when none is given: below, rooms and drives hum; above, no cutting tool of ordinary size chatters."""
 USABLE = 0.4
 """Part of the sampling rate up to which a recorder without a stated filter is trusted."""
+KERNEL = 10
+"""Half length of the kernel of `scipy.signal.resample_poly` in samples of the lower rate."""
+MOST_SPECTRA = 6000
+"""Spectra of which the quiet ones are taken: enough, and 25 MB."""
 WINDOW = 0.1
 """Window of detection (s)."""
 HARMONIC_BINS, LONGEST = 5.0, 0.5
@@ -160,15 +164,17 @@ def _configuration(low: float, high: float, spindle_hz: float | None, tools: int
 
 def _thinned(samples: Floats, sample_rate_hz: float, high: float) -> tuple[Floats, float]:
     """Return the signal scaled to at most 2, at the lowest rate that keeps the band, not finite where it was not."""
-    good = np.isfinite(samples).all(axis=1)
+    good = np.asarray(np.isfinite(samples).all(axis=1))
     filled = np.where(good[:, None], samples, 0.0)
     largest = float(np.abs(filled).max(initial=0.0))
     if largest > 0.0:
-        filled = filled * 2.0 ** -np.floor(np.log2(largest))
+        filled = np.ldexp(filled, -int(np.floor(np.log2(largest))))
     step = max(int(sample_rate_hz / (2.5 * high)), 1)
-    thin = resample_poly(filled, 1, step, axis=0, padtype="line") if step > 1 else filled
-    for index in np.flatnonzero(~good):
-        thin[max(index // step - 10, 0) : index // step + 11] = np.nan
+    thin = np.asarray(resample_poly(filled, 1, step, axis=0, padtype="line") if step > 1 else filled, dtype=np.float64)
+    bad = np.zeros(len(thin), dtype=bool)
+    bad[np.flatnonzero(np.logical_not(good)) // step] = True
+    reach = np.ones(2 * KERNEL + 1)
+    thin[np.convolve(bad, reach)[KERNEL : KERNEL + len(thin)] > 0.5] = np.nan
     return thin, sample_rate_hz / step
 
 
@@ -196,11 +202,12 @@ def _event(episode: Episode, kind: Kind) -> Event:
 
 def _assume_quiet(monitor: ChatterMonitor, signal: Floats) -> None:
     """Take the quiet tenth of every bin for the signal without chatter."""
-    power, square = monitor.levels(signal)
-    windows = len(power) * monitor.config.block / monitor.config.window
+    every = len(signal) // (monitor.block * MOST_SPECTRA) + 1
+    power, square = monitor.levels(signal, every)
+    windows = len(power) * every * monitor.config.block / monitor.config.window
     if windows < 1.0 / QUIET:
         return
-    low, loud = np.quantile(square, [QUIET, 1.0 - QUIET])
+    low, loud = (float(np.quantile(square, q)) for q in (QUIET, 1.0 - QUIET))
     quiet = np.quantile(power, QUIET, axis=0, overwrite_input=True)
     noise = floor_of(quiet) * np.log(2.0) / -np.log1p(-QUIET)  # a quantile q of noise stands -ln(1 - q) means high
-    monitor.assume(np.maximum(quiet, noise), 0.0 if loud < STEADY * low else float(low), windows)
+    monitor.assume(np.maximum(quiet, noise), 0.0 if loud < STEADY * low else low, windows)

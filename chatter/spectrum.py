@@ -79,7 +79,7 @@ def baseband(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_
     turn = np.exp((-2j * np.pi * centre_hz / sample_rate_hz) * np.arange(1 - len(used), 1))
     mixed = used * turn[:, None]
     pieces = np.lib.stride_tricks.sliding_window_view(mixed, len(kernel), axis=0)[::step] if count else mixed
-    return (pieces @ kernel if count else mixed), sample_rate_hz / step
+    return np.asarray(pieces @ kernel if count else mixed, dtype=np.complex128), sample_rate_hz / step
 
 
 def _kernel(step: int) -> Floats:
@@ -133,7 +133,7 @@ def pencil(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_hz
     weights = np.linalg.lstsq(powers, slow, rcond=1e-9)[0]
     residual = slow - powers @ weights
     explained = float(np.clip(1.0 - (residual.real**2 + residual.imag**2).sum(), 0.0, 1.0))
-    offset = np.angle(poles) * rate / (2.0 * np.pi)
+    offset = np.asarray(np.angle(poles) * rate / (2.0 * np.pi), dtype=np.float64)
     gain = np.maximum(_kernel_gain(round(sample_rate_hz / rate), offset, sample_rate_hz), 0.05)
     amplitude = 2.0 * np.sqrt(energy * (weights.real**2 + weights.imag**2).sum(axis=1)) / gain
     growth = np.log(np.abs(poles)) * rate
