@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from services.bus import InMemoryBus
+from services.bus import InMemoryBus, Node
 from services.clock import Clock
 from services.config import Case
 from services.messages import (
@@ -52,9 +52,7 @@ def blocks_of(case: Case) -> int:
     return round((case.settings.air_time + case.settings.cut_time) / BLOCK_S)
 
 
-def run_case(
-    case: Case, seed: int, clock: Clock, *, arm_after_s: float = 0.0, progress: Progress = _silent
-) -> Outcome:
+def run_case(case: Case, seed: int, clock: Clock, *, arm_after_s: float = 0.0, progress: Progress = _silent) -> Outcome:
     """Run the loop of a case and its twin, and evaluate both; Ctrl-C ends it early with what was seen.
 
     Parameters
@@ -123,13 +121,20 @@ class Loop:
         self.monitor = MonitorNode(case, run)
         self.controller = ControllerNode(case, run)
         self.tape = Tape()
-        nodes = (self.machine, self.monitor, self.controller)
-        self._bus = InMemoryBus(nodes, tap=self._tap)
+        self._nodes: dict[str, Node] = {
+            "machine": self.machine, "monitor": self.monitor, "controller": self.controller,
+        }  # fmt: skip
+        self._bus = InMemoryBus(self._nodes.values(), tap=self._tap)
         self._clock, self._published = clock, 0.0
         self._arm_block = round(arm_after_s / BLOCK_S)
         self._arm = OperatorRequest(run=run, source="operator", sequence=0, request="arm", nonce=uuid.uuid4().hex)
-        for node in nodes:
+        for node in self._nodes.values():
             node.prepare()
+
+    def wrap(self, name: str, wrapper: Callable[[Node], Node]) -> None:
+        """Put something between a node and the bus, such as a fault."""
+        self._nodes[name] = wrapper(self._nodes[name])
+        self._bus = InMemoryBus(self._nodes.values(), tap=self._tap)
 
     def step(self, number: int) -> None:
         """Let 10 ms pass."""

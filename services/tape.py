@@ -75,9 +75,7 @@ class Surface:
         """Return Ra (m) between two tool positions (m); nan when nothing is finished there."""
         if not start < stop:
             return math.nan
-        return finished_roughness(
-            self.trace, start, stop, nose_radius=self.nose_radius, feed_per_rev=self.feed_per_rev
-        )
+        return finished_roughness(self.trace, start, stop, nose_radius=self.nose_radius, feed_per_rev=self.feed_per_rev)
 
     def along(self) -> tuple[Floats, Floats]:
         """Return the middle of each finished stretch of the part (m) and its Ra (m)."""

@@ -11,6 +11,8 @@ from services.config import Case
 from services.messages import ChatterReport, Event, ForceBlock, Message, SampleBlock
 
 SOURCE = "monitor"
+LONGEST_M = 10.0
+"""No slide of a lathe is further from home (m): such a position, like NaN, is a broken sensor."""
 
 
 class MonitorNode:
@@ -80,7 +82,7 @@ class MonitorNode:
             self.blocks_lost += max(0, block.first_sample - self._next) // max(1, len(motor))
             self._observer.reset()
         self._next = block.first_sample + len(motor)
-        if not (np.isfinite(motor).all() and np.isfinite(stage).all()):
+        if not (np.abs(motor).max() < LONGEST_M and np.abs(stage).max() < LONGEST_M):
             self._observer.reset()
             return np.full(motor.shape, np.nan)
         return self._observer.update(motor, stage)
