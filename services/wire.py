@@ -101,15 +101,13 @@ class _BlockCodec:
 
     def encode(self, message: Any) -> bytes:
         arrays = self._of_arrays(message)
-        counts = {*map(len, arrays)}
-        count = counts.pop()
-        samples = np.concatenate(arrays, dtype=LITTLE).tobytes()
-        if counts or not count or len(samples) != LITTLE.itemsize * count * len(arrays):
-            shapes = sorted({array.shape for array in arrays})
-            raise ValueError(f"arrays of a {self._name} must all have one shape (n,), n > 0, got {shapes}")
+        shapes = {array.shape for array in arrays}
+        count = arrays[0].size
+        if shapes != {(count,)} or not count:
+            raise ValueError(f"arrays of a {self._name} must all have one shape (n,), n > 0, got {sorted(shapes)}")
         envelope = self._envelope(
             samples_per_channel=count,
-            samples=samples,
+            samples=np.concatenate(arrays, dtype=LITTLE).tobytes(),
             **dict(zip(self._plain, self._of_plain(message), strict=True)),
         )
         if self._guarded:

@@ -36,9 +36,12 @@ def json_schemas() -> dict[str, str]:
 
 
 def _schema(kind: type[Message]) -> dict[str, Any]:
-    """Return the schema of one type; its version is fixed and must be there."""
+    """Return the schema of one type; its version is fixed and must be there, and enumerations say their type."""
     schema: dict[str, Any] = msgspec.json.schema(kind)["$defs"][kind.__name__]
-    schema["properties"]["version"] = {"const": FORMAT_VERSION}
+    schema["properties"]["version"] = {"type": "integer", "const": FORMAT_VERSION}
+    for rule in schema["properties"].values():
+        if "enum" in rule:
+            rule["type"] = "string"
     schema["required"] = ["version", *schema["required"]]
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"antiphase.{kind.__name__}", **schema}
 
