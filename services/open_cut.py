@@ -11,12 +11,14 @@ from typing import Any
 import numpy as np
 from scipy import ndimage, signal
 
+from pitch import OneModeProcess, rightmost_root
 from services.closed_loop import open_loop
 from services.config import Case
 from services.messages import Floats
 from services.metrics import first_held, vibration_envelope
 from services.nodes.machine import make_plant
 from services.tape import plant_surface
+from turning_sim import Simulator
 
 HELD_REVOLUTIONS = 2.0
 """Vibration that stays above the threshold for so long is chatter."""
@@ -43,8 +45,10 @@ class OpenCut:
     ----------
     chatter
         Whether the vibration stayed above the threshold for two revolutions.
-    chatter_hz, growth_rate_1_s
-        Strongest line of the chatter, and the rate at which it grew from the noise; None without chatter.
+    chatter_hz
+        Strongest line of the chatter; None without.
+    growth_rate_1_s
+        Of the rightmost root of the linear process where the tools enter, for comparison.
     amplitude_um
         Median amplitude of the vibration in the chatter band, while it chattered or over the whole cut.
     ra_um
@@ -55,7 +59,7 @@ class OpenCut:
 
     chatter: bool
     chatter_hz: float | None
-    growth_rate_1_s: float | None
+    growth_rate_1_s: float
     amplitude_um: float | None
     ra_um: float | None
     plateaus: tuple[Plateau, ...]
@@ -117,25 +121,30 @@ def cut_open(case: Case, seed: int, shift: float, length: float) -> OpenCut:
     samples = round((0.05 + length / (cutting.feed_per_rev * cutting.spindle_hz)) * rate)
     block = open_loop(case, plant, samples, shift)
     entry = int(np.argmax(block.in_cut)) + math.ceil(rate / cutting.spindle_hz)
-    vibration, position = 1e6 * block.vibration[entry:], 1e3 * block.tool_position[entry:]
+    vibration, position = 1e6 * block.vibration, 1e3 * block.tool_position
     middle = case.settings.reference_chatter_hz
     envelope = vibration_envelope(vibration, rate, (0.75 * middle, 1.25 * middle))
     threshold = 1e6 * case.settings.threshold * 0.5 * cutting.feed_per_rev
-    onset = first_held(envelope > threshold, round(HELD_REVOLUTIONS * rate / cutting.spindle_hz))
-    start = 0 if onset is None else onset
-    amplitude = float(np.median(envelope[start:])) if envelope.size else None
+    onset = first_held(envelope > threshold, round(HELD_REVOLUTIONS * rate / cutting.spindle_hz), entry)
+    start = entry if onset is None else onset
+    amplitude = float(np.median(envelope[start:])) if envelope.size > start else None
     ra = plant_surface(case, block).roughness(float(block.tool_position[0]), float(block.tool_position[-1]))
-    common: dict[str, Any] = {"length_mm": 1e3 * length, "rate_hz": rate, "vibration_um": 1e6 * block.vibration}
+    growth = _growth(case, plant, shift)
+    common: dict[str, Any] = {
+        "growth_rate_1_s": growth,
+        "length_mm": 1e3 * length,
+        "rate_hz": rate,
+        "vibration_um": 1e6 * block.vibration,
+    }
     ra_um = 1e6 * ra if math.isfinite(ra) else None
     if onset is None:
         return OpenCut(
-            chatter=False, chatter_hz=None, growth_rate_1_s=None, amplitude_um=amplitude, ra_um=ra_um, plateaus=(),
+            chatter=False, chatter_hz=None, amplitude_um=amplitude, ra_um=ra_um, plateaus=(),
             **common,
         )  # fmt: skip
     return OpenCut(
         chatter=True,
         chatter_hz=_strongest_line(vibration[onset:], rate, middle),
-        growth_rate_1_s=_growth(envelope, onset, rate, threshold),
         amplitude_um=amplitude,
         ra_um=ra_um,
         plateaus=_plateaus(vibration[onset:], position[onset:], rate, middle),
@@ -149,16 +158,17 @@ def _strongest_line(vibration: Floats, rate: float, middle: float) -> float:
     return float(frequency[np.argmax(power)])
 
 
-def _growth(envelope: Floats, onset: int, rate: float, threshold: float) -> float | None:
-    """Fit an exponential (1/s) to the rise through the threshold; None when there is too little of it."""
-    before = np.flatnonzero(envelope[: onset + 1] < 0.5 * threshold)
-    after = np.flatnonzero(envelope[onset:] > 2.0 * threshold)
-    first = int(before[-1]) if before.size else 0
-    last = onset + int(after[0]) if after.size else onset
-    if last - first < 0.01 * rate:
-        return None
-    time = np.arange(last - first) / rate
-    return float(np.polyfit(time, np.log(envelope[first:last]), 1)[0])
+def _growth(case: Case, plant: Simulator, shift: float) -> float:
+    """Return the growth rate (1/s) of the rightmost root of the linear process where the tools enter."""
+    linear = plant.linear_parameters(case.settings.start_position)
+    process = OneModeProcess(
+        linear.mass_at_tools,
+        linear.natural_frequency_hz,
+        linear.damping_ratio,
+        linear.overlap,
+        linear.process_damping,
+    )
+    return rightmost_root(process, linear.cutting_stiffness, case.cutting.spindle_hz, 2.0 * shift).real
 
 
 def _plateaus(vibration: Floats, position: Floats, rate: float, middle: float) -> tuple[Plateau, ...]:

@@ -58,7 +58,7 @@ def detect(
     name, signal = recording.channel(channel)
     limits = parse_band(band, recording.rate_hz)
     spindle_hz = speed_rpm / 60.0 if speed_rpm is not None else None
-    verdict = detect_recording(signal, recording.rate_hz, band=limits, spindle_hz=spindle_hz, tools=tools)
+    verdict = detect_recording(signal, recording.rate_hz, band_hz=limits, spindle_hz=spindle_hz, tools=tools)
     answer: dict[str, Any] = {
         "file": recording.source,
         "channel": name,
