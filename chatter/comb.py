@@ -9,8 +9,10 @@ Floats = NDArray[np.float64]
 
 LOWEST_HZ = 5.0
 """Lowest fundamental: 300 1/min."""
-MOST = 16
-"""Highest order at which a line can be the strongest of a comb: four teeth and their fourth harmonic."""
+MOST = 4
+"""Highest order at which the strongest line can stand in its comb: tooth passing of four teeth, or its fourth
+harmonic. Chatter with sidebands fits such a comb by chance when the ratio to tooth passing is near a fraction: in
+0.5 % of cases up to order 4, in 7 % up to order 16."""
 FEWEST = 3
 """Other lines of the comb that must be there: two fall onto one of so many combs by chance in some of 10 cases."""
 RICH = 0.3

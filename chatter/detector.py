@@ -263,7 +263,7 @@ class Detector:
     def _switch(self, both: bool) -> None:
         """Raise or end the alarm."""
         config, memory = self._config, self._memory
-        memory.raised = memory.raised + 1 if both else 0
+        memory.raised = memory.raised + 1 if both and self._tracker.coherent else 0
         memory.lowered = 0 if both else memory.lowered + 1
         counts = both and self._tracker.kind == "regenerative"
         if config.dominance is not None:

@@ -18,6 +18,8 @@ AGREEMENT = 0.125
 """Part of the inverse of the stretch by which two estimates may differ and still be of the same line."""
 UNCERTAINTY = 0.25
 """Part of the inverse of the stretch by which one estimate may be wrong."""
+COHERENT = 0.8
+"""Share of the signal that lines must explain: of noise in two channels, four of them explain less in 99 % of cases."""
 LOYALTY = 0.8
 """A line is followed until another one is stronger by more than this ratio."""
 REACH = 1.5
@@ -82,6 +84,11 @@ class LineTracker:
         """Whether the line falls e-fold within its stretch: a ring after a knock keeps nothing up."""
         line = self._track.line
         return line is not None and line.growth * line.span <= -1.0
+
+    @property
+    def coherent(self) -> bool:
+        """Whether lines explain the signal, rather than noise."""
+        return self._track.line is not None and self._track.line.explained >= COHERENT
 
     @property
     def agreeing(self) -> int:
@@ -173,7 +180,8 @@ class LineTracker:
         line = found.line
         away = min((abs(line.frequency_hz - other.frequency_hz) for other in track.lines), default=np.inf)
         near = bool(away < AGREEMENT / line.span)
-        track.agreeing = track.agreeing + 1 if near and line.growth * line.span > -1.0 else 0
+        stands = near and line.growth * line.span > -1.0 and line.explained >= COHERENT
+        track.agreeing = track.agreeing + 1 if stands else 0
         same = track.line is not None and abs(line.frequency_hz - track.line.frequency_hz) < UNCERTAINTY / line.span
         track.steady = track.steady + 1 if same else 0
         track.lines, track.line, track.kind = found.lines, line, found.kind

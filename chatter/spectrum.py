@@ -10,6 +10,8 @@ Complexes = NDArray[np.complex128]
 
 OVERSAMPLING = 2.5
 """Baseband samples per hertz of half bandwidth: the kernel of `baseband` is 40 dB down where it folds."""
+PRESENT = 0.7
+"""Least amplitude in a stretch over that in its newer half: less and the line was not there in the older half."""
 TAPS = 4
 """Length of the kernel in baseband samples."""
 
@@ -196,7 +198,8 @@ def _hann_gain(bins: float) -> float:
 def refine(signal: Floats, start_hz: float, shortest: int, sample_rate_hz: float) -> tuple[float, float, float] | None:
     """Return frequency (Hz), amplitude and span (s) from the longest end of a signal in which the line is steady.
 
-    The stretch is doubled as long as its estimate agrees with that of its newer half within half a bin.
+    The stretch is doubled as long as its estimate agrees with that of its newer half within half a bin, and as long
+    as the line is there all along.
 
     Parameters
     ----------
@@ -221,5 +224,7 @@ def refine(signal: Floats, start_hz: float, shortest: int, sample_rate_hz: float
         longer = interpolated(signal[len(signal) - length :], best[0], sample_rate_hz)
         if longer is None or abs(longer[0] - best[0]) > 0.5 * sample_rate_hz / length:
             break
-        best = (longer[0], best[1], length / sample_rate_hz)
+        if longer[1] < PRESENT * best[1]:
+            break
+        best = (longer[0], longer[1], length / sample_rate_hz)
     return best

@@ -1,0 +1,108 @@
+"""Learned limits against the distributions that they are derived from."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import f as f_distribution
+
+from chatter.comb import fundamental
+from chatter.dominance import is_harmonic, peaks, standing_limit, strongest
+from chatter.limits import LearnedLevel, ratio_limit
+
+
+@given(st.floats(2.0, 200.0), st.floats(2.0, 400.0), st.floats(-9.0, -1.0))
+def test_ratio_limit_is_the_quantile_of_f(freedom, learned, exponent):
+    probability = 10.0**exponent
+    limit = ratio_limit(freedom, learned, probability)
+    assert f_distribution.logsf(limit, freedom, learned) == pytest.approx(np.log(probability), rel=1e-5)
+
+
+@given(st.floats(4.0, 400.0), st.floats(-9.0, -1.0))
+def test_closed_form_for_a_bin(learned, exponent):
+    probability = 10.0**exponent
+    limit = ratio_limit(2.0, learned, probability)
+    assert f_distribution.logsf(limit, 2.0, learned) == pytest.approx(np.log(probability), rel=1e-6)
+
+
+def test_learned_mean_is_that_of_what_was_learned_until_the_memory_is_full():
+    rng = np.random.default_rng(0)
+    level, powers = LearnedLevel(5, 100.0), rng.exponential(size=(80, 5))
+    for row in powers:
+        level.learn(row, float(row.sum()), 1.0)
+    assert level.power == pytest.approx(powers.mean(axis=0))
+    assert level.square == pytest.approx(powers.sum(axis=1).mean())
+    for _ in range(1000):
+        level.learn(np.full(5, 3.0), 15.0, 1.0)
+    assert level.windows == 100.0
+    assert level.power == pytest.approx(np.full(5, 3.0), rel=1e-3)
+
+
+def test_false_alarms_of_a_bin_come_as_often_as_stated():
+    rng = np.random.default_rng(1)
+    probability, excesses, trials = 1e-2, 0, 0
+    for _ in range(200):
+        level = LearnedLevel(50, 1e9)
+        for row in rng.exponential(size=(10, 50)):
+            level.learn(row, 1.0, 1.0)
+        fresh = rng.exponential(size=(20, 50))
+        excesses += int((fresh > level.power * level.line_factor(probability)).sum())
+        trials += fresh.size
+    assert excesses / trials == pytest.approx(probability, rel=0.15)
+
+
+def test_more_scatter_than_noise_widens_the_limit():
+    rng = np.random.default_rng(2)
+    calm, wild = LearnedLevel(1, 1e9), LearnedLevel(1, 1e9)
+    for _ in range(200):
+        calm.learn(np.ones(1), float(rng.chisquare(25) / 25), 1.0)
+        wild.learn(np.ones(1), float(rng.exponential()), 1.0)
+    assert calm.square_factor(25.0, 1e-6) < 1.3 * calm.square_factor(25.0, 1e-6, scatters=False)
+    assert wild.square_factor(25.0, 1e-6) > 2.0 * calm.square_factor(25.0, 1e-6)
+
+
+@given(st.integers(0, 50))
+def test_noise_shows_a_line_as_rarely_as_stated(seed):
+    power = np.random.default_rng(seed).exponential(size=(20, 480))
+    shown = sum(bool((row > standing_limit(row)).any()) for row in power)
+    assert shown <= 2  # 1e-3 for each spectrum, with the scatter of the median
+
+
+def test_peaks_are_interpolated():
+    window, true = 900, 65.3
+    signal = np.cos(2.0 * np.pi * true * np.arange(window) / window) * np.sin(np.pi * np.arange(window) / window) ** 2
+    power = np.abs(np.fft.rfft(signal)) ** 2
+    found, away = peaks(power, np.full(power.size, 1e-6 * power.max()))
+    best = int(np.argmax(power[found]))
+    assert found[best] + away[best] == pytest.approx(true, abs=0.01)
+
+
+def test_strongest_leaves_harmonics_out_and_says_its_share():
+    frequencies = np.arange(100.0, 4000.0, 10.0)
+    power = np.full(frequencies.size, 1e-6)
+    power[[10, 30, 97]] = [4.0, 1.0, 2.0]  # 200, 400 and 1070 Hz
+    limit = standing_limit(power)
+    free = strongest(power, limit, 10.0, frequencies, 50.0, 0.002)
+    assert (free.peak, round(free.share, 3)) == (97, 1.0)
+    every = strongest(power, limit, 10.0, frequencies, None, 0.002)
+    assert (every.peak, round(every.share, 3)) == (10, round(4 / 7, 3))
+    assert strongest(power, limit, 10.0, frequencies, 10.0, 0.002) is None
+    assert is_harmonic(np.array([1067.0, 1050.0]), 50.0, np.array([3.0, 3.0])).tolist() == [False, True]
+
+
+def test_a_comb_is_told_from_a_line_with_sidebands():
+    rate, time = 12000.0, np.arange(12000) / 12000.0
+    rng = np.random.default_rng(3)
+    noise = 0.02 * rng.normal(size=time.size)
+    teeth = sum(a * np.sin(2 * np.pi * 366.43 * k * time + k) for k, a in ((1, 1.0), (2, 0.8), (3, 0.7)))
+    runout = sum(0.2 * np.sin(2 * np.pi * 91.61 * k * time + k * k) for k in (1, 7, 9, 11, 13))
+    base = fundamental((teeth + runout + noise)[:, None], rate, 366.0, 15.0)
+    assert base == pytest.approx(91.61, abs=0.1)
+    chatter = sum(
+        a * np.sin(2 * np.pi * (1067.0 + k * 215.35) * time) for k, a in ((0, 1), (1, 0.3), (-1, 0.2), (-2, 0.1))
+    )
+    tooth = sum(0.3 * np.sin(2 * np.pi * 215.35 * k * time) for k in (1, 2, 4))
+    both = chatter + tooth + 0.2 * np.sin(2 * np.pi * 2134.0 * time) + noise
+    assert fundamental(both[:, None], rate, 1067.0, 15.0) is None
+    clipped = np.clip(np.sin(2 * np.pi * 651.0 * time), -0.3, 0.3) + noise
+    assert fundamental(clipped[:, None], rate, 651.0, 15.0) is None
