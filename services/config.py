@@ -11,8 +11,9 @@ import tomllib
 from dataclasses import dataclass
 from typing import Any
 
+from services.case_settings import CaseSettings
 from services.errors import InputError
-from services.sections import CaseSettings, build
+from services.sections import build
 from services.toml_section import closest
 
 

@@ -3,74 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from services.case_settings import CaseSettings
 from services.errors import InputError
 from services.toml_section import Section, read_section
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CaseSettings:
-    """How a case is run and judged (SI).
-
-    Attributes
-    ----------
-    title
-        One line for people.
-    seed
-        Of every random number unless the command line gives another.
-    machine
-        Name of the machine in the keys of the bus.
-    sample_rate_hz
-        Of servo and observers.
-    force_cutoff_hz
-        Low-pass of the force estimate.
-    start_position, air_time, cut_time
-        Tools from the tip at entry (m), time in air before it and time in the cut after it (s).
-    reference_chatter_hz
-        Predicted chatter frequency: nominal phases refer to it, and the judged band lies about it.
-    threshold
-        Fraction of the feed per tool at which vibration counts as chatter.
-    apply_after_blocks, expires_after_blocks
-        When a command takes effect and when it is void, in blocks after the one that caused it.
-    """
-
-    title: str
-    seed: int
-    machine: str
-    sample_rate_hz: float
-    force_cutoff_hz: float
-    start_position: float
-    air_time: float
-    cut_time: float
-    reference_chatter_hz: float
-    threshold: float
-    apply_after_blocks: int
-    expires_after_blocks: int
-
-    def __post_init__(self) -> None:
-        rules = {
-            "seed": (self.seed >= 0, "a whole number, 0 or more"),
-            "machine": (bool(self.machine) and set(self.machine) <= _KEY, "letters, digits, - and _"),
-            "sample_rate_hz": (1000.0 <= self.sample_rate_hz <= 100e3, "in 1000..100000"),
-            "force_cutoff_hz": (0.0 < self.force_cutoff_hz < self.sample_rate_hz / 2, "in (0, rate / 2)"),
-            "start_position": (self.start_position >= 0.0, "0 or more"),
-            "air_time": (0.0 <= self.air_time <= 600.0, "in 0..600"),
-            "cut_time": (0.0 < self.cut_time <= 3600.0, "above 0, at most 3600"),
-            "reference_chatter_hz": (0.0 < self.reference_chatter_hz < self.sample_rate_hz / 3, "in (0, rate / 3)"),
-            "threshold": (0.0 < self.threshold < 1.0, "in (0, 1)"),
-            "apply_after_blocks": (2 <= self.apply_after_blocks <= 100, "in 2..100"),
-            "expires_after_blocks": (self.expires_after_blocks > self.apply_after_blocks, "above apply_after_blocks"),
-        }
-        for name, (holds, rule) in rules.items():
-            if not holds:
-                raise ValueError(f"{name} must be {rule}, got {getattr(self, name)!r}")
-        if abs(self.sample_rate_hz * 0.01 % 1.0) > 1e-9:
-            raise ValueError(f"sample_rate_hz must be a multiple of 100, got {self.sample_rate_hz}")
-
-
-_KEY = set("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_")
 _DRIVE = {
     "lead": "mm",
     "motor_inertia": "kg_m2",
@@ -137,96 +75,87 @@ _LIMITS = {
 }
 
 
-def known_sections() -> dict[str, Section]:
-    """Return the tables that become one object each; imported late, so that `--help` stays quick."""
-    from chatter import MonitorConfig, NominalFeedDrive, NominalTurret
-    from pitch import PlannerConfig, TrajectoryLimits
-    from services.guard_limits import GuardLimits
-    from turning_sim import AxisControl, Chuck, Cutting, FeedDrive, ForceLaw, TurretDrives, Workpiece
+_CASE = {"start_position": "mm", "air_time": "s", "cut_time": "s", "threshold": "percent"}
+_CHUCK = {"lateral_stiffness": "n_per_m", "tilt_stiffness": "n_m_per_rad", "tilt_damping": "n_m_s_per_rad"}
+_WORKPIECE = {
+    **dict.fromkeys(("diameter", "length", "turned_diameter", "turned_length", "finished_diameter"), "mm"),
+    "young_modulus": "gpa",
+    "density": "kg_per_m3",
+}
+_FORCE_LAW = {"thrust_coefficient": "gpa", "tangential_coefficient": "gpa"}
+_CUTTING = {
+    "spindle_hz": "rpm",
+    **dict.fromkeys(("feed_per_rev", "depth_of_cut", "nose_radius"), "mm"),
+    "cutting_stiffness": "n_per_m",
+    "process_damping": "n_s_per_m",
+    "approach_angle": "deg",
+    "flank_clearance": "deg",
+    "rake_gain": "percent_per_deg",
+    "setting_difference": "um",
+    "force_noise": "n_per_rthz",
+}
+_PATH = {"max_speed": "deg_per_s", "max_acceleration": "deg_per_s2", "max_jerk": "deg_per_s3"}
+_MONITOR = {
+    "block": "ms",
+    "window": "ms",
+    **dict.fromkeys(("refine_window", "air_time", "cutting_time", "memory_time", "false_alarm_interval"), "s"),
+    "expected_limit": "n",
+    "speed_uncertainty": "percent",
+}
+_PLANNER = {
+    "target_phase": "pi",
+    "fallback_phases": "pi",
+    **dict.fromkeys(("min_shift", "max_shift", "arrival_tolerance", "reaim_threshold"), "deg"),
+    **dict.fromkeys(("x1_travel", "y1_travel"), "mm"),
+    **dict.fromkeys(("dwell", "settle_time", "persist_time", "arrive_time", "calm_time"), "s"),
+}
+_COMMON = ("sample_rate_hz", "axis_angle")
+_SPEEDS = {"spindle_hz_min": "spindle_speed_min", "spindle_hz_max": "spindle_speed_max"}
 
+
+def known_sections() -> dict[str, Section]:
+    """Return the tables that become one object each; the packages are imported late, so that `--help` stays quick."""
+    return {"case": Section(kind=CaseSettings, units=_CASE), **_plant(), **_turret(), **_decision()}
+
+
+def _plant() -> dict[str, Section]:
+    from turning_sim import Chuck, Cutting, ForceLaw, Workpiece
+
+    speed = {"spindle_hz": "spindle_speed"}
     return {
-        "case": Section(
-            kind=CaseSettings,
-            units={"start_position": "mm", "air_time": "s", "cut_time": "s", "threshold": "percent"},
-        ),
-        "chuck": Section(
-            kind=Chuck,
-            units={
-                "lateral_stiffness": "n_per_m",
-                "tilt_stiffness": "n_m_per_rad",
-                "tilt_damping": "n_m_s_per_rad",
-            },
-        ),
-        "workpiece": Section(
-            kind=Workpiece,
-            units={
-                **dict.fromkeys(("diameter", "length", "turned_diameter", "turned_length", "finished_diameter"), "mm"),
-                "young_modulus": "gpa",
-                "density": "kg_per_m3",
-            },
-            given=("chuck",),
-        ),
-        "force_law": Section(kind=ForceLaw, units={"thrust_coefficient": "gpa", "tangential_coefficient": "gpa"}),
-        "cutting": Section(
-            kind=Cutting,
-            units={
-                "spindle_hz": "rpm",
-                **dict.fromkeys(("feed_per_rev", "depth_of_cut", "nose_radius"), "mm"),
-                "cutting_stiffness": "n_per_m",
-                "process_damping": "n_s_per_m",
-                "approach_angle": "deg",
-                "flank_clearance": "deg",
-                "rake_gain": "percent_per_deg",
-                "setting_difference": "um",
-                "force_noise": "n_per_rthz",
-            },
-            given=("force_law",),
-            renamed={"spindle_hz": "spindle_speed"},
-        ),
+        "chuck": Section(kind=Chuck, units=_CHUCK),
+        "workpiece": Section(kind=Workpiece, units=_WORKPIECE, given=("chuck",)),
+        "force_law": Section(kind=ForceLaw, units=_FORCE_LAW),
+        "cutting": Section(kind=Cutting, units=_CUTTING, given=("force_law",), renamed=speed),
+    }
+
+
+def _turret() -> dict[str, Section]:
+    from turning_sim import AxisControl, FeedDrive, TurretDrives
+
+    parts = ("x1", "y1", "x1_control", "y1_control")
+    return {
         "drive.x1": Section(kind=FeedDrive, units=_DRIVE),
         "drive.y1": Section(kind=FeedDrive, units=_DRIVE),
         "control.x1": Section(kind=AxisControl, units=_CONTROL),
         "control.y1": Section(kind=AxisControl, units=_CONTROL),
-        "turret": Section(
-            kind=TurretDrives,
-            units={"upper_mass": "kg", "axis_angle": "deg"},
-            given=("x1", "y1", "x1_control", "y1_control"),
-        ),
-        "limits": Section(
-            kind=GuardLimits,
-            units=_LIMITS,
-            given=("sample_rate_hz", "axis_angle"),
-            renamed={"spindle_hz_min": "spindle_speed_min", "spindle_hz_max": "spindle_speed_max"},
-        ),
-        "path": Section(
-            kind=TrajectoryLimits,
-            units={"max_speed": "deg_per_s", "max_acceleration": "deg_per_s2", "max_jerk": "deg_per_s3"},
-        ),
-        "monitor": Section(
-            kind=MonitorConfig,
-            units={
-                "block": "ms",
-                "window": "ms",
-                **dict.fromkeys(("refine_window", "air_time", "cutting_time", "memory_time"), "s"),
-                "false_alarm_interval": "s",
-                "expected_limit": "n",
-                "speed_uncertainty": "percent",
-            },
-        ),
+        "turret": Section(kind=TurretDrives, units={"upper_mass": "kg", "axis_angle": "deg"}, given=parts),
+    }
+
+
+def _decision() -> dict[str, Section]:
+    from chatter import MonitorConfig, NominalFeedDrive, NominalTurret
+    from pitch import PlannerConfig, TrajectoryLimits
+    from services.guard_limits import GuardLimits
+
+    return {
+        "limits": Section(kind=GuardLimits, units=_LIMITS, given=_COMMON, renamed=_SPEEDS),
+        "path": Section(kind=TrajectoryLimits, units=_PATH),
+        "monitor": Section(kind=MonitorConfig, units=_MONITOR),
         "belief.x1": Section(kind=NominalFeedDrive, units=_BELIEF),
         "belief.y1": Section(kind=NominalFeedDrive, units=_BELIEF),
         "belief": Section(kind=NominalTurret, units={"upper_mass": "kg"}, given=("x1", "y1", "axis_angle")),
-        "planner": Section(
-            kind=PlannerConfig,
-            units={
-                "target_phase": "pi",
-                "fallback_phases": "pi",
-                **dict.fromkeys(("min_shift", "max_shift", "arrival_tolerance", "reaim_threshold"), "deg"),
-                **dict.fromkeys(("x1_travel", "y1_travel"), "mm"),
-                **dict.fromkeys(("dwell", "settle_time", "persist_time", "arrive_time", "calm_time"), "s"),
-            },
-            given=("sample_rate_hz", "axis_angle"),
-        ),
+        "planner": Section(kind=PlannerConfig, units=_PLANNER, given=_COMMON),
     }
 
 
