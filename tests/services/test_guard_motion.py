@@ -40,14 +40,14 @@ def step(axis, size, samples=90):
 ONE_LIMIT = [
     *[(axis, name, f"{name}", 1.0, "position") for axis, name in enumerate(("shift", "x1", "y1"))],
     (1, "dx", "dx", 1.0, "position"),
-    (2, "dy", "dy", 1.0 / math.sin(PSI), "position"),
+    (2, "dy", "dy", math.sin(PSI), "position"),
     *[
         (axis, f"{kind}_{what}", label, share, what)
         for axis, (kind, label) in enumerate((("shift", "shift"), ("slide", "x1"), ("slide", "y1")))
         for what, share in (
-            ("speed", 1 / RATE),
-            ("acceleration", 1 / RATE**2),
-            ("jerk", 0.5 / RATE**3),
+            ("speed", RATE),
+            ("acceleration", RATE**2),
+            ("jerk", 2.0 * RATE**3),
             ("step", 1.0),
             ("travel", 1.0),
         )
@@ -60,8 +60,9 @@ ONE_LIMIT = [
 def test_each_limit_at_its_edge(axis, name, label, share, what, sign):
     value = {"jerk": 1e3, "acceleration": 1e2}.get(what, 1e-3)
     lim = limits(**WIDE | {name: value, "target": 1e-4, "return_speed": 1e-4})
-    edge = INSIDE * value * share
-    for size, passes in ((edge * (1 - 1e-9), True), (edge * (1 + 1e-9), False), (value * share, False)):
+    edge = INSIDE * value / share
+    at_edge = [] if name == "dy" else [(edge, True)]
+    for size, passes in ((edge * (1 - 1e-9), True), *at_edge, (edge * (1 + 1e-9), False), (value / share, False)):
         envelope = resting(lim)
         why = envelope.follow(step(axis, sign * size), 90, ANYWHERE)
         assert bool(why) is not passes, why
@@ -127,6 +128,31 @@ def test_a_block_without_room_to_stop_does_not_pass():
     while envelope.moving:
         envelope.hold(ramp, 90)
     assert envelope.position[1] <= 1e-3
+
+
+def test_travel_must_leave_room_to_stop():
+    ramp = np.zeros((3, 90))
+    ramp[2] = np.arange(90) * 1e-6
+    for most, why in ((0.5, ""), (91e-6, "no room to stop after this block"), (88e-6, "total travel of y1")):
+        envelope = resting(limits(**WIDE | {"slide_travel": most, "slide_jerk": 2e6}))
+        assert envelope.follow(ramp, 90, ANYWHERE).startswith(why)
+        assert envelope.moving is not bool(why)
+
+
+@pytest.mark.parametrize("tail", [(1, 2, 3), (0, 1, 1), (2, 1, 0), (1, 0, 0), (0, 0, 1)])
+def test_neither_even_speed_nor_a_turning_point_is_rest(tail):
+    """Exact in binary, so that the speed or its change is exactly zero at the end of the block."""
+    lim = limits(**WIDE | {"slide_jerk": 1e6})
+    ramp = np.zeros((3, 90))
+    ramp[1, 87:] = np.array(tail) * 2.0**-22
+    envelope = resting(lim)
+    assert envelope.follow(ramp, 90, ANYWHERE) == ""
+    assert envelope.moving
+    seen = [np.zeros((3, 4)), envelope.issued(90)]
+    while envelope.moving:
+        envelope.hold(ramp, 90)
+        seen.append(envelope.issued(90))
+    assert worst(np.concatenate(seen, axis=1), lim) <= 1.0
 
 
 @pytest.mark.parametrize(
