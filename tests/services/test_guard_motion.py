@@ -339,3 +339,16 @@ def test_whatever_is_asked_no_set_point_is_beyond_a_limit(jerks, share, samples)
         seen.append(envelope.issued(900))
     assert not envelope.moving
     assert worst(np.concatenate(seen, axis=1), lim) <= 1.0
+
+
+@pytest.mark.parametrize("angle", [math.radians(30.0), PSI, math.radians(70.0)])
+def test_any_angle_between_the_slides(angle):
+    """The tool moves by the sum of the slides: X1 along X1, Y1 at the angle to it."""
+    shift = np.linspace(-0.1, 0.1, 21)
+    _, x1, y1 = arc(shift, DIAMETER / 2, angle)
+    tool = x1 + y1 * np.exp(1j * angle)
+    np.testing.assert_allclose(tool, DIAMETER / 2 * (1 - np.exp(-1j * shift)), atol=1e-17)
+    envelope = Envelope(limits(axis_angle=angle, dx=1e-3, dy=1e-3, x1=0.1, y1=0.1), (0.0, 0.0, 0.0))
+    for dx, dy in ((0.999e-3, 0.999e-3), (1.001e-3, 0.0), (0.0, -1.001e-3), (-1.001e-3, 0.0)):
+        point = np.array([[0.0], [dx - dy / math.tan(angle)], [dy / math.sin(angle)]])
+        assert bool(envelope.beyond(point)) is (max(abs(dx), abs(dy)) > 1e-3)
