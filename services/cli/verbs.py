@@ -1,5 +1,5 @@
 """Importing this module registers every verb."""
 
-from services.cli import analysis, loop, recordings
+from services.cli import analysis, loop, recordings, services
 
-__all__ = ["analysis", "loop", "recordings"]
+__all__ = ["analysis", "loop", "recordings", "services"]

@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 
 from chatter import ChatterEstimate, ChatterMonitor, LoadSideObserver
+from chatter.limits import LearnedLevel
+from chatter.monitor import MonitorState
 from services.config import Case
 from services.messages import ChatterReport, Event, ForceBlock, Message, SampleBlock
 
 SOURCE = "monitor"
+
 LONGEST_M = 10.0
 """No slide of a lathe is further from home (m): such a position, like NaN, is a broken sensor."""
 
@@ -74,6 +77,40 @@ class MonitorNode:
             out += [self._report(message, estimate), *self._changes(message, estimate)]
         return out
 
+    def snapshot(self) -> dict[str, Any]:
+        """Return the learned limits as plain values, for a successor in the same run."""
+        return {
+            name: {
+                "windows": level.windows, "power": level.power.tolist(),
+                "square": level.square, "fourth": level.fourth,
+            }
+            for name, level in self._levels(self._monitor.snapshot()).items()
+        }  # fmt: skip
+
+    def restore(self, saved: dict[str, Any]) -> None:
+        """Take over the limits that a predecessor learned; its windows are gone with it.
+
+        Raises
+        ------
+        ValueError
+            If `saved` does not fit this monitor; nothing is taken over then.
+        """
+        state = self._monitor.snapshot()
+        for name, level in self._levels(state).items():
+            kept = saved.get(name)
+            values = _numbers(kept, level.power.size)
+            if values is None:
+                raise ValueError(f"limits learned in {name} must be those of {level.power.size} bins, got {kept!r:.80}")
+            level.windows, level.square, level.fourth = values[:3].tolist()
+            level.power[:] = values[3:]
+        self._monitor.restore(state)
+
+    @staticmethod
+    def _levels(state: MonitorState) -> dict[str, LearnedLevel]:
+        """Return the learned levels inside a copy of the state; they may be changed there."""
+        memory = state.parts[-1][0]
+        return {"air": memory.air, "cut": memory.cut}
+
     def _force(self, block: SampleBlock) -> np.ndarray:
         """Estimate the force; what cannot be estimated is NaN, and the observer starts anew behind it."""
         motor = np.column_stack([block.x1_motor_position_m, block.y1_motor_position_m])
@@ -131,3 +168,12 @@ class MonitorNode:
                 text=f"{before or 'start'} -> {estimate.state}{at}{lost}",
             )  # fmt: skip
         ]
+
+
+def _numbers(kept: Any, bins: int) -> np.ndarray | None:
+    """Return windows, square, fourth and the power of every bin of a kept level, None if they are not all there."""
+    try:
+        values = np.array([kept["windows"], kept["square"], kept["fourth"], *kept["power"]], dtype=np.float64)
+    except (KeyError, TypeError, ValueError):
+        return None
+    return values if values.size == 3 + bins and np.isfinite(values).all() and (values >= 0).all() else None

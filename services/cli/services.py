@@ -1,0 +1,241 @@
+"""Verbs of the services on the bus: `machine`, `monitor`, `controller`, `router` and `operator`."""
+
+from __future__ import annotations
+
+import pathlib
+import uuid
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from typing import Annotated, Any
+
+import typer
+
+from services.bus import Node
+from services.cli.app import JsonFlag, Seed, app, console, emit, positive, require
+from services.clock import WallClock
+from services.config import Case, load_case
+from services.errors import InputError, RefusalError
+from services.process import Parent, Stopped, StopSignal, end_within
+from services.zenoh_bus import DEFAULT_ENDPOINT, ZenohBus, check_endpoint, check_machine
+
+CaseName = Annotated[str, typer.Argument(help="Name of a shipped case, or path of a TOML file.")]
+Connect = Annotated[
+    str | None,
+    typer.Option("--connect", help=f"The router (default: {DEFAULT_ENDPOINT}, which `antiphase machine` holds)."),
+]
+Listen = Annotated[
+    str | None, typer.Option("--listen", help="Hold the router here instead of connecting to one; port 0: a free one.")
+]
+MachineName = Annotated[str | None, typer.Option("--machine", help="Name of the machine (default: the case's).")]
+ArmAfter = Annotated[
+    float | None,
+    typer.Option("--arm-after-s", help="Arm the guard this long after the start (s); default: OFF until asked."),
+]
+Child = Annotated[bool, typer.Option("--child", hidden=True, help="Stop when standard input ends.")]
+Reserve = Annotated[bool, typer.Option("--reserve", hidden=True, help="Prepare, then wait for `go` on standard input.")]
+Shelf = Annotated[pathlib.Path | None, typer.Option("--shelf", hidden=True, help="Folder for what was learned.")]
+CLOSING_S = 3.0
+
+
+def say(text: str) -> None:
+    """Tell the terminal what happens."""
+    console.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def on_bus(machine: str, connect: str | None, listen: str | None, stop: StopSignal) -> Generator[ZenohBus]:
+    """Open a bus, and close it whatever happens; closing may not hang."""
+    if listen is not None and connect is not None:
+        raise InputError("listen", listen, "left out when --connect is given: one router is enough")
+    if listen is not None:
+        bus = ZenohBus.router(machine, listen)
+    else:
+        endpoint = connect or DEFAULT_ENDPOINT
+        bus = ZenohBus.client(machine, endpoint, _patience(endpoint, stop))
+    try:
+        yield bus
+    finally:
+        deadline = end_within(CLOSING_S, 1)
+        bus.close()
+        deadline.cancel()
+
+
+def _patience(endpoint: str, stop: StopSignal) -> Callable[[], None]:
+    said: list[str] = []
+
+    def wait() -> None:
+        stop.check()
+        if not said:
+            said.append(endpoint)
+            say(f"nobody listens at {endpoint} yet; waiting (`antiphase machine` or `antiphase router` does)")
+
+    return wait
+
+
+@app.command()
+def machine(
+    case: CaseName = "thesis-652",
+    connect: Connect = None,
+    listen: Listen = None,
+    name: MachineName = None,
+    seed: Seed = None,
+    duration_s: Annotated[
+        float | None, typer.Option("--duration-s", help="How long (s); default: as long as the case.")
+    ] = None,
+    forever: Annotated[bool, typer.Option("--forever", help="Until stopped.")] = False,
+    arm_after_s: ArmAfter = None,
+    wait_s: Annotated[float, typer.Option("--wait-s", help="How long to wait for monitor and controller (s).")] = 120.0,
+    as_json: JsonFlag = False,
+    child: Child = False,
+    latencies: Annotated[bool, typer.Option("--latencies", hidden=True, help="Every latency in the JSON.")] = False,
+) -> None:
+    """Be the (simulated) machine in real time. Without --connect it holds the router that the others connect to."""
+    from services.closed_loop import blocks_of
+    from services.messages import BLOCK_S
+    from services.nodes.machine import MachineNode
+    from services.pace import PacedMachine
+
+    config = load_case(case)
+    positive("wait-s", wait_s, "s")
+    blocks = None if forever else blocks_of(config)
+    if duration_s is not None and not forever:
+        blocks = max(1, round(positive("duration-s", duration_s, "s") / BLOCK_S))
+    if arm_after_s is not None:
+        require("arm-after-s", arm_after_s, "0 s or more", arm_after_s >= 0)
+    run, used = str(uuid.uuid4()), config.settings.seed if seed is None else seed
+    answer: dict[str, Any] = {}
+    with StopSignal() as stop, _stoppable():
+        if child:
+            Parent()
+        where = listen or (None if connect else DEFAULT_ENDPOINT)
+        with on_bus(check_machine(name or config.settings.machine), connect, where, stop) as bus:
+            bus.serve_config(config.text)
+            say("\n".join(("limits of the guard:", *config.limits.describe())))
+            if arm_after_s is None:
+                say("the guard is OFF until `antiphase operator arm` (or --arm-after-s)")
+            paced = PacedMachine(MachineNode(config, used, run), bus, run, clock=WallClock(), stop=stop, say=say)
+            armed = None if arm_after_s is None else round(arm_after_s / BLOCK_S)
+            counts = paced.run(blocks, arm_block=armed, wait_s=wait_s)
+            answer = {"service": "machine", "machine": bus.machine, "run": run, "case": config.name, "seed": used}
+            answer |= counts.summary(latencies) | {"endpoint": bus.endpoint} | paced.noticed()
+    emit(answer, _words(answer), as_json)
+
+
+@app.command()
+def monitor(
+    case: CaseName = "thesis-652",
+    connect: Connect = None,
+    listen: Listen = None,
+    name: MachineName = None,
+    as_json: JsonFlag = False,
+    child: Child = False,
+    reserve: Reserve = False,
+    shelf: Shelf = None,
+) -> None:
+    """Watch the servo signals of a machine for chatter, until stopped."""
+    config = load_case(case)
+
+    def make(run: str) -> Node:
+        from services.nodes.monitor import MonitorNode
+
+        return MonitorNode(config, run)
+
+    _follow("monitor", config, make, connect, listen, name, as_json=as_json, child=child, reserve=reserve, shelf=shelf)
+
+
+@app.command()
+def controller(
+    case: CaseName = "thesis-652",
+    connect: Connect = None,
+    listen: Listen = None,
+    name: MachineName = None,
+    as_json: JsonFlag = False,
+    child: Child = False,
+    reserve: Reserve = False,
+) -> None:
+    """Decide where turret 1 shall stand after each report of the monitor, until stopped."""
+    config = load_case(case)
+
+    def make(run: str) -> Node:
+        from services.nodes.controller import ControllerNode
+
+        return ControllerNode(config, run)
+
+    _follow("controller", config, make, connect, listen, name, as_json=as_json, child=child, reserve=reserve)
+
+
+def _follow(
+    service: str,
+    config: Case,
+    make: Callable[[str], Node],
+    connect: str | None,
+    listen: str | None,
+    name: str | None,
+    *,
+    as_json: bool,
+    child: bool,
+    reserve: bool,
+    shelf: pathlib.Path | None = None,
+) -> None:
+    from services.node import run_node
+    from services.shelf import Shelf
+
+    answer: dict[str, Any] = {"service": service, "machine": name or config.settings.machine, "run": None}
+    with StopSignal() as stop, _stoppable():
+        parent = Parent() if child or reserve else None
+        if reserve and parent is not None:
+            make("").prepare()
+            with stop.waiting():
+                parent.wait()
+        with on_bus(check_machine(name or config.settings.machine), connect, listen, stop) as bus:
+            kept = Shelf(shelf) if shelf else None
+            answer |= run_node(service, make, bus, clock=WallClock(), stop=stop, say=say, shelf=kept)
+    emit(answer, _words(answer), as_json)
+
+
+@contextmanager
+def _stoppable() -> Generator[None]:
+    """Being stopped before there was anything to do is no error."""
+    try:
+        yield
+    except Stopped:
+        say("stopped")
+
+
+def _words(answer: dict[str, Any]) -> str:
+    return "\n".join(f"{name}: {value}" for name, value in answer.items() if not isinstance(value, list))
+
+
+@app.command()
+def router(
+    listen: Annotated[str, typer.Option("--listen", help="Where; port 0 takes a free one.")] = DEFAULT_ENDPOINT,
+    as_json: JsonFlag = False,
+    child: Child = False,
+) -> None:
+    """Hold the router alone, until stopped: then machine, monitor and controller may come and go in any order."""
+    from services.router import hold
+
+    with StopSignal() as stop, _stoppable():
+        hold(listen, stop, child=child, ready=lambda where: emit({"endpoint": where}, f"router at {where}", as_json))
+
+
+@app.command()
+def operator(
+    request: Annotated[str, typer.Argument(help="arm, dry_run, disarm, reset or stop.")],
+    connect: Connect = None,
+    name: Annotated[str, typer.Option("--machine", help="Name of the machine.")] = "lathe-1",
+    wait_s: Annotated[float, typer.Option("--wait-s", help="How long to wait for the machine's answer (s).")] = 3.0,
+    as_json: JsonFlag = False,
+) -> None:
+    """Ask something of the guard of a machine, and say what it answers by its state."""
+    from services.operator_request import REACHED, ask
+
+    if request not in REACHED:
+        raise InputError("request", request, f"one of {', '.join(REACHED)}")
+    positive("wait-s", wait_s, "s")
+    endpoint = check_endpoint("connect", connect or DEFAULT_ENDPOINT)
+    with ZenohBus.client(name, endpoint) as bus:
+        answer = ask(bus, request, wait_s, WallClock())
+    if answer["refused"]:
+        raise RefusalError(f"the guard is {answer['guard_state']}: {answer['refused']}", answer)
+    emit(answer, f"guard of {name}: {answer['guard_state']} ({answer['said']})", as_json)
