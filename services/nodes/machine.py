@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import secrets
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from pitch import ShiftTrajectory, slide_set_points
+from pitch import ShiftTrajectory, TrajectoryLimits, slide_set_points
 from services.config import Case
-from services.guard import Conditions, Guard
+from services.guard import Conditions, Guard, Plan
 from services.messages import (
     BLOCK_S,
     Event,
@@ -66,6 +67,7 @@ class MachineNode:
             case.limits, run=run, controller="controller", operator="operator", token=lambda: secrets.token_hex(8)
         )
         self._path = ShiftTrajectory(case.path, self._rate)
+        self._slow: float | None = None
         self._speed = case.cutting.spindle_hz
         self._measured = np.zeros(3)
         self._in_cut = False
@@ -99,7 +101,7 @@ class MachineNode:
                 measured=self._measured,
             ),
         )
-        shift = self._follow(plan.target, n)
+        shift = self._follow(plan, n)
         x1, y1 = slide_set_points(shift, diameter, self._case.drives.axis_angle)
         checked = self._guard.check(shift, x1, y1)
         plant = self.plant.advance(checked.x1, checked.y1)
@@ -112,14 +114,20 @@ class MachineNode:
             *self._notices(number),
         ]
 
-    def _follow(self, target: float | None, n: int) -> np.ndarray:
+    def _follow(self, plan: Plan, n: int) -> np.ndarray:
         """Return the set points of the shift (rad) towards the target, or at rest where the guard stands."""
-        if target is None:
-            if self._path.moving or self._path.target != self._guard.shift:
-                self._path = ShiftTrajectory(self._case.path, self._rate, self._guard.shift)
-        elif target != self._path.target:
-            self._path.retarget(target)
+        stands = plan.target is None and (self._path.moving or self._path.target != self._guard.shift)
+        if stands or plan.speed != self._slow:
+            self._slow = plan.speed
+            self._path = ShiftTrajectory(self._path_limits(plan.speed), self._rate, self._guard.shift)
+        if plan.target is not None and plan.target != self._path.target:
+            self._path.retarget(plan.target)
         return self._path.advance(n)
+
+    def _path_limits(self, speed: float | None) -> TrajectoryLimits:
+        """Return the limits of the path; slower when the guard lets the turret return only so fast (rad/s)."""
+        limits = self._case.path
+        return limits if speed is None else replace(limits, max_speed=min(limits.max_speed, 0.999 * speed))
 
     def _header(self, number: int) -> dict[str, Any]:
         return {"run": self._run, "source": SOURCE, "sequence": number}

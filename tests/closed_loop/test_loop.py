@@ -172,8 +172,8 @@ class Disturbed:
         return [out for m in self.change(message) for out in self.node.handle(m)]
 
 
-def disturbed(target, change, name="thesis-652", seed=1):
-    case = load_case(name)
+def disturbed(target, change, name="thesis-652", seed=1, **changes):
+    case = load_case(name, changes)
     loop = Loop(case, seed, CountingClock())
     loop.wrap(target, lambda node: Disturbed(node, change))
     for number in range(blocks_of(case)):
@@ -250,3 +250,18 @@ def test_a_controller_that_falls_silent_leaves_the_turret_where_it_is():
     states = [e.text for e in loop.tape.of(Event) if e.kind == "guard_state"]
     assert any("HOLDING" in text for text in states)
     assert any("FAULT" in text for text in states)
+
+
+def test_a_job_may_want_the_turret_back_and_the_chatter_comes_back_with_it():
+    def silent(message):
+        return [] if isinstance(message, TurretCommand) and message.sequence > 250 else [message]
+
+    result, loop = disturbed("machine", silent, **{"limits.on_loss": "return"})
+    states = [e.text for e in loop.tape.of(Event) if e.kind == "guard_state"]
+    assert any("RETURNING" in text for text in states)
+    record = result.record
+    back = np.abs(record.controlled.shift_applied_deg) < 0.01
+    assert back[420 * 90 : 440 * 90].all()
+    rate = np.abs(np.diff(record.controlled.shift_applied_deg[360 * 90 :: 90])).max() / 0.01
+    assert rate < 11.0, "not faster than the return speed, apart from the noise of the scale"
+    assert record.controlled.vibration_um[-900:].std() > 10 * record.controlled.vibration_um[300 * 90 : 310 * 90].std()
