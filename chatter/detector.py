@@ -127,15 +127,8 @@ class Detector:
         if source == "none":
             self._learn(power, square, in_cut)
             return {"state": "learning", "indicator": sqrt(square), "line": sqrt(float(power.max()))}
-        level = self._config.hysteresis**2 if memory.alarm else 1.0
-        square_over = square > level * square_limit
-        if self._config.dominance is None:
-            peak, share = int((power / line_limit).argmax()), 0.0
-            line_over = bool(power[peak] > level * line_limit[peak])
-        else:
-            best = self._dominant(power, square, spindle_hz)
-            peak, share = (best.peak, best.share) if best else (int(power.argmax()), 0.0)
-            line_over = self._dominates(best, power, line_limit, source, level)
+        peak, share, line_over = self._strongest(power, square, line_limit, source, spindle_hz)
+        square_over = square > self._level * square_limit
         over = int(line_over) + int(square_over)
         fields: dict[str, Any] = {
             "indicator": sqrt(square),
@@ -159,6 +152,23 @@ class Detector:
             memory.settled = 0
         self._learn(power, square, in_cut)
         return fields
+
+    @property
+    def _level(self) -> float:
+        """Part of a limit on power that counts: less while it chatters."""
+        return self._config.hysteresis**2 if self._memory.alarm else 1.0
+
+    def _strongest(
+        self, power: Floats, square: float, limit: Floats, source: LimitSource, spindle_hz: float | None
+    ) -> tuple[int, float, bool]:
+        """Return the bin of the line to judge, its share of the lines, and whether it is over its limit."""
+        if self._config.dominance is None:
+            peak = int((power / limit).argmax())
+            return peak, 0.0, bool(power[peak] > self._level * limit[peak])
+        best = self._dominant(power, square, spindle_hz)
+        if best is None:
+            return int(power.argmax()), 0.0, False
+        return best.peak, best.share, self._dominates(best, power, limit, source)
 
     def learn_air(self, power: Floats, square: float) -> None:
         """Take a block of air in, whatever the state.
@@ -195,16 +205,12 @@ class Detector:
         standing = standing_limit(power)
         return strongest(power, standing, square, self._frequencies_hz, spindle_hz, uncertainty, kept_hz)
 
-    def _dominates(
-        self, best: Dominant | None, power: Floats, limit: Floats, source: LimitSource, level: float
-    ) -> bool:
+    def _dominates(self, best: Dominant, power: Floats, limit: Floats, source: LimitSource) -> bool:
         """Return whether a line dominates all lines and began in what was seen, or else dominates all of the band."""
-        least = level * (self._config.dominance or 0.0)
-        if best is None:
-            return False
+        least = self._level * (self._config.dominance or 0.0)
         quiet = self._memory.air
         if source != "spectrum":
-            if best.share >= least and power[best.peak] > level * limit[best.peak]:
+            if best.share >= least and power[best.peak] > self._level * limit[best.peak]:
                 return True
             if quiet.square > 0.0 and power[best.peak] < VARIES * quiet.power[best.peak]:
                 return False  # it stands where it stood while the rest of the band was quieter
