@@ -13,7 +13,7 @@ import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from typing import Any, NamedTuple, Self, cast
+from typing import Any, Literal, NamedTuple, Self, cast
 
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
@@ -212,7 +212,9 @@ def open_file(path: pathlib.Path) -> io.BufferedWriter:
     return path.open("wb")
 
 
-def run_metadata(*, case: str, seed: int, run: str, config: str, digest: str, version: str) -> dict[str, str]:
+def run_metadata(
+    *, case: str, seed: int, run: str, config: str, digest: str, version: str, clock: Literal["wall", "samples"]
+) -> dict[str, str]:
     """Return the record with which a recording begins.
 
     Parameters
@@ -223,8 +225,11 @@ def run_metadata(*, case: str, seed: int, run: str, config: str, digest: str, ve
         The resolved configuration as JSON, and its SHA-256.
     version
         Of this software.
+    clock
+        What the log times mean: when a message was received, or the time of the machine's samples (in lockstep).
     """
-    return {"case": case, "seed": str(seed), "run": run, "config": config, "sha256": digest, "version": version}
+    known = {"case": case, "seed": str(seed), "run": run, "config": config, "sha256": digest}
+    return known | {"version": version, "clock": clock}
 
 
 class RecordingReader:

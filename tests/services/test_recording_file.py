@@ -23,7 +23,7 @@ from services.messages import TOPICS, Event, Floats, ForceBlock, Message
 from services.recording_file import McapRecorder, RecordingReader, read_messages, read_metadata, run_metadata
 from services.wire import encode, encoding_of, topic_of
 
-METADATA = run_metadata(case="c", seed=3, run="r", config='{"case": {}}', digest="d", version="1.2.3")
+METADATA = run_metadata(case="c", seed=3, run="r", config='{"case": {}}', digest="d", version="1.2.3", clock="wall")
 TURN_NS = 10_000_000
 
 
