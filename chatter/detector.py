@@ -170,19 +170,6 @@ class Detector:
             return int(power.argmax()), 0.0, False
         return best.peak, best.share, self._dominates(best, power, limit, source)
 
-    def learn_air(self, power: Floats, square: float) -> None:
-        """Take a block of air in, whatever the state.
-
-        Parameters
-        ----------
-        power : ndarray, shape (bins,)
-            Squared line amplitude in every bin.
-        square : float
-            Mean square of the band over the window, summed over the channels.
-        """
-        self._follow_context(False, False)
-        self._learn(power, square, False)
-
     def assume(self, power: Floats, square: float, windows: float) -> None:
         """Take levels for those of the air.
 

@@ -158,7 +158,7 @@ def _configuration(low: float, high: float, spindle_hz: float | None, tools: int
         air_time=window,
         memory_time=1e5,
         dominance=DOMINANCE,
-        tools=tools or 1,
+        tools=1 if tools is None else tools,
     )
 
 
