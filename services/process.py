@@ -86,6 +86,16 @@ class Parent:
             pass
 
 
+@contextmanager
+def term_interrupts() -> Generator[None]:
+    """Let SIGTERM do what Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
 def end_within(seconds: float, code: int) -> threading.Timer:
     """End the process by force if it is still there after `seconds`, unless the timer is cancelled."""
     timer = threading.Timer(seconds, os._exit, (code,))

@@ -1,4 +1,4 @@
-"""Verbs of the services on the bus: `machine`, `monitor`, `controller`, `router` and `operator`."""
+"""Verbs of the services on the bus: `machine`, `monitor`, `controller`, `router`, `operator` and `up`."""
 
 from __future__ import annotations
 
@@ -239,3 +239,39 @@ def operator(
     if answer["refused"]:
         raise RefusalError(f"the guard is {answer['guard_state']}: {answer['refused']}", answer)
     emit(answer, f"guard of {name}: {answer['guard_state']} ({answer['said']})", as_json)
+
+
+@app.command()
+def up(
+    case: CaseName = "thesis-652",
+    listen: Annotated[str, typer.Option("--listen", help="Where the router shall be; port 0: a free one.")] = "",
+    name: MachineName = None,
+    seed: Seed = None,
+    duration_s: Annotated[
+        float | None, typer.Option("--duration-s", help="How long (s); default: as long as the case.")
+    ] = None,
+    forever: Annotated[bool, typer.Option("--forever", help="Until stopped.")] = False,
+    arm_after_s: ArmAfter = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Start router, machine, monitor and controller, and start again what dies."""
+    from services.supervisor import Plan, keep_up
+
+    config = load_case(case)
+    lasts = ["--forever"] if forever else []
+    if duration_s is not None and not forever:
+        lasts = ["--duration-s", str(positive("duration-s", duration_s, "s"))]
+    plan = Plan(
+        case=case,
+        machine=check_machine(name or config.settings.machine),
+        seed=config.settings.seed if seed is None else seed,
+        arm_after_s=arm_after_s,
+        lasts=tuple(lasts),
+    )
+    with StopSignal() as stop:
+        answer = keep_up(plan, listen or DEFAULT_ENDPOINT, stop=stop, clock=WallClock(), say=say, ready=_tell_router)
+    emit(answer, _words(answer), as_json)
+
+
+def _tell_router(endpoint: str) -> None:
+    say(f"router at {endpoint}")
