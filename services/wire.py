@@ -12,7 +12,7 @@ Fields and channels that the receiver does not know are ignored; what it needs a
 from __future__ import annotations
 
 import math
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import Any, Protocol, TypeVar, get_args
 
 import google.protobuf.message
@@ -94,20 +94,25 @@ class _BlockCodec:
         self._channels = tuple(f.name for f in fields if f.type == Floats)
         self._guarded = any(f.type == GuardState for f in fields)
         self._plain = tuple(f.name for f in fields if f.type not in (Floats, GuardState))
+        self._names = (*self._plain, *self._channels)
         self._needed = (*self._plain, *(("guard_state",) if self._guarded else ()))
         self._of_arrays, self._of_plain = attrgetter(*self._channels), attrgetter(*self._plain)
-        self._of_floats = attrgetter("sample_rate_hz", *(f.name for f in fields if f.type is float))
+        floats = [self._plain.index(f.name) for f in fields if f.type is float]
+        self._floats = itemgetter(*floats, *floats[:1])  # one twice, so that the answer is a tuple in any case
         self._head: bytes = envelope(channels=self._channels).SerializeToString()
 
     def encode(self, message: Any) -> bytes:
         arrays = self._of_arrays(message)
-        shapes = {array.shape for array in arrays}
-        count = arrays[0].size
-        if shapes != {(count,)} or not count:
-            raise ValueError(f"arrays of a {self._name} must all have one shape (n,), n > 0, got {sorted(shapes)}")
+        try:
+            table: Floats = np.array(arrays, LITTLE)
+        except ValueError:
+            table = np.zeros(0)
+        if table.ndim != 2 or not table.size:
+            shapes = sorted({array.shape for array in arrays})
+            raise ValueError(f"arrays of a {self._name} must all have one shape (n,), n > 0, got {shapes}")
         envelope = self._envelope(
-            samples_per_channel=count,
-            samples=np.concatenate(arrays, dtype=LITTLE).tobytes(),
+            samples_per_channel=table.size // len(arrays),
+            samples=table.tobytes(),
             **dict(zip(self._plain, self._of_plain(message), strict=True)),
         )
         if self._guarded:
@@ -124,33 +129,32 @@ class _BlockCodec:
         _check_version(self._name, envelope.version)
         if not all(map(envelope.HasField, self._needed)):
             raise DecodeError(f"{self._name} lacks {next(n for n in self._needed if not envelope.HasField(n))}")
-        if not all(map(math.isfinite, self._of_floats(envelope))):
+        plain = self._of_plain(envelope)
+        if not all(map(math.isfinite, self._floats(plain))):
             raise DecodeError(f"{self._name} holds a number that is not finite outside of its samples")
-        values: dict[str, Any] = dict(zip(self._plain, self._of_plain(envelope), strict=True))
-        if self._guarded:
-            values["guard_state"] = GUARD_STATES.get(envelope.guard_state)
-            if values["guard_state"] is None:
-                raise DecodeError(f"{self._name} names guard state {envelope.guard_state}, which does not exist")
         channels, count, samples = envelope.channels, envelope.samples_per_channel, envelope.samples
         if not count or len(samples) != LITTLE.itemsize * count * len(channels):
             raise DecodeError(
                 f"{self._name} has {len(samples)} bytes of samples for {len(channels)} channels of {count} samples"
             )
-        rows = np.frombuffer(samples, LITTLE).astype(np.float64, copy=False).reshape(-1, count)
-        if len(channels) == len(self._channels) and payload.startswith(self._head):
-            values.update(zip(self._channels, rows, strict=True))
-        else:
-            values.update(self._found(tuple(channels), rows))
+        rows = np.frombuffer(samples, LITTLE).reshape(-1, count)
+        if len(channels) != len(self._channels) or not payload.startswith(self._head):
+            rows = self._sorted(tuple(channels), rows)
+        values: dict[str, Any] = dict(zip(self._names, (*plain, *rows), strict=True))
+        if self._guarded:
+            values["guard_state"] = GUARD_STATES.get(envelope.guard_state)
+            if values["guard_state"] is None:
+                raise DecodeError(f"{self._name} names guard state {envelope.guard_state}, which does not exist")
         return self._kind(**values)
 
-    def _found(self, names: tuple[str, ...], rows: Floats) -> dict[str, Floats]:
+    def _sorted(self, names: tuple[str, ...], rows: Floats) -> list[Floats]:
         """Return the channels of a block that another program put together, wherever they are in it."""
         found = dict(zip(names, rows, strict=True))
         if len(found) != len(names):
             raise DecodeError(f"{self._name} has the same channel twice: {', '.join(names):.400}")
         if lacking := [name for name in self._channels if name not in found]:
             raise DecodeError(f"{self._name} lacks channel {', '.join(lacking)}")
-        return {name: found[name] for name in self._channels}
+        return [found[name] for name in self._channels]
 
 
 def _plain(value: object) -> object:
