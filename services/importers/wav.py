@@ -49,7 +49,7 @@ def read_wav(path: pathlib.Path) -> Recording:
 
 
 def _to_float(data: np.ndarray) -> np.ndarray:
-    columns = data.reshape(len(data), -1)
+    columns = data.reshape(len(data), -1) if data.size else data.reshape(0, 1)
     if columns.dtype.kind == "u":
         return (columns.astype(np.float64) - 128.0) / 128.0
     if columns.dtype.kind == "i":
