@@ -74,6 +74,7 @@ class ShiftTrajectory:
         self._target = _checked(initial_shift)
         self._goal = round(self._target / GRID)
         self._window = np.full(self._first + self._second - 1, self._goal, dtype=np.int64)
+        self._rests = True
 
     @property
     def target(self) -> float:
@@ -83,7 +84,7 @@ class ShiftTrajectory:
     @property
     def moving(self) -> bool:
         """Whether the last set point was not yet at rest on the target."""
-        return bool((self._window != self._goal).any())
+        return not self._rests
 
     @property
     def samples_to_rest(self) -> int:
@@ -98,12 +99,14 @@ class ShiftTrajectory:
         """Set a new target (rad); takes effect with the next set point, also in mid-move."""
         self._target = _checked(shift)
         self._goal = round(self._target / GRID)
+        self._look()
 
     def stop(self) -> None:
         """Come to rest as soon as the limits allow, short of the target if it is still far."""
         level = int(self._window[-1])
         if level != self._goal:
             self._goal, self._target = level, level * GRID
+            self._look()
 
     def advance(self, n: int) -> NDArray[np.float64]:
         """Next set points of the shift.
@@ -119,8 +122,11 @@ class ShiftTrajectory:
             Shift (rad), shape (n,).
         """
         count = whole("n", n, 0)
+        if self._rests:
+            return np.full(count, self._target)
         full = np.concatenate((self._window, self._ramp(count)))
         self._window = full[count:].copy()
+        self._look()
         deviation = _moving_sum(_moving_sum(full[1:] - self._goal, self._first), self._second)
         return self._target + deviation.astype(np.float64) * (GRID / (self._first * self._second))
 
@@ -133,6 +139,11 @@ class ShiftTrajectory:
         if state.window.shape != self._window.shape:
             raise ValueError(f"state must hold {len(self._window)} levels, got {len(state.window)}")
         self._goal, self._target, self._window = state.goal, state.target, state.window.copy()
+        self._look()
+
+    def _look(self) -> None:
+        """Note whether the path is at rest on its target; asked far more often than it changes."""
+        self._rests = bool((self._window == self._goal).all())
 
     def _ramp(self, count: int) -> NDArray[np.int64]:
         level = int(self._window[-1])

@@ -101,9 +101,7 @@ class MachineNode:
                 measured=self._measured,
             ),
         )
-        shift = self._follow(plan, n)
-        x1, y1 = slide_set_points(shift, diameter, self._case.drives.axis_angle)
-        checked = self._guard.check(shift, x1, y1)
+        checked = self._guard.check(*self._follow(plan, n))
         plant = self.plant.advance(checked.x1, checked.y1)
         self._measured = np.array([plant.shift[-1], plant.x1_stage_position[-1], plant.y1_stage_position[-1]])
         self._in_cut = bool(plant.in_cut[-1])
@@ -114,15 +112,20 @@ class MachineNode:
             *self._notices(number),
         ]
 
-    def _follow(self, plan: Plan, n: int) -> np.ndarray:
-        """Return the set points of the shift (rad) towards the target, or at rest where the guard stands."""
+    def _follow(self, plan: Plan, n: int) -> tuple[Any, Any, Any]:
+        """Return set points of shift (rad) and slides (m) towards the target, or at rest where the guard stands."""
         stands = plan.target is None and (self._path.moving or self._path.target != self._guard.shift)
         if stands or plan.speed != self._slow:
             self._slow = plan.speed
             self._path = ShiftTrajectory(self._path_limits(plan.speed), self._rate, self._guard.shift)
         if plan.target is not None and plan.target != self._path.target:
             self._path.retarget(plan.target)
-        return self._path.advance(n)
+        angle, diameter = self._case.drives.axis_angle, self.plant.diameter
+        if self._path.moving:
+            shift = self._path.advance(n)
+            return (shift, *slide_set_points(shift, diameter, angle))
+        points = (self._path.target, *slide_set_points(self._path.target, diameter, angle))
+        return tuple(np.full(n, point) for point in points)  # pyright: ignore[reportReturnType]
 
     def _path_limits(self, speed: float | None) -> TrajectoryLimits:
         """Return the limits of the path; slower when the guard lets the turret return only so fast (rad/s)."""
