@@ -68,15 +68,23 @@ def run_case(case: Case, seed: int, clock: Clock, *, arm_after_s: float = 0.0, p
     progress
         Told the share that is done, 0...1.
     """
+    tape, interrupted = run_loop(case, seed, clock, arm_after_s=arm_after_s, progress=progress)
+    return judge(case, seed, tape, interrupted=interrupted)
+
+
+def run_loop(
+    case: Case, seed: int, clock: Clock, *, arm_after_s: float = 0.0, progress: Progress = _silent
+) -> tuple[Tape, bool]:
+    """Run the loop alone; returns what was said and whether Ctrl-C ended it early. Arguments as in `run_case`."""
     loop = Loop(case, seed, clock, arm_after_s)
-    blocks, interrupted = blocks_of(case), False
+    blocks = blocks_of(case)
     try:
         for number in range(blocks):
             loop.step(number)
-            progress(0.8 * (number + 1) / blocks)
+            progress((number + 1) / blocks)
     except KeyboardInterrupt:
-        interrupted = True
-    return judge(case, seed, loop.tape, interrupted=interrupted)
+        return loop.tape, True
+    return loop.tape, False
 
 
 def judge(case: Case, seed: int, tape: Tape, *, interrupted: bool) -> Outcome:

@@ -7,6 +7,7 @@ import json
 import math
 import pathlib
 import sys
+import tempfile
 from typing import Annotated, Any
 
 import numpy as np
@@ -42,6 +43,18 @@ def require(field: str, value: float, rule: str, holds: bool) -> float:
     if not math.isfinite(value) or not holds:
         raise InputError(field, value, rule)
     return value
+
+
+def writable_folder(out: pathlib.Path | None) -> pathlib.Path | None:
+    """Make the folder for what is written before the work begins, or say why that cannot be."""
+    if out is not None:
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=out):
+                pass
+        except OSError as error:
+            raise InputError("out", str(out), f"a folder that can be written to ({error.strerror})") from error
+    return out
 
 
 def positive(field: str, value: float, unit: str) -> float:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import pathlib
+import signal
+import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,10 +14,11 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from services.cli.app import INTERRUPTED, JsonFlag, OutDir, Seed, app, console, emit, positive, require
+from services.cli.app import INTERRUPTED, JsonFlag, OutDir, Seed, app, console, emit, positive, require, writable_folder
 from services.clock import WallClock
-from services.closed_loop import Outcome, run_case
+from services.closed_loop import Outcome, judge, run_loop
 from services.config import Case, load_case
+from services.tape import Tape
 
 CaseName = Annotated[str, typer.Argument(help="Name of a shipped case, or path of a TOML file.")]
 ArmAfter = Annotated[
@@ -35,6 +38,24 @@ def progress_bar(what: str) -> Generator[Callable[[float], None]]:
     with Progress(*columns, console=console, disable=not console.is_terminal, transient=True) as bar:
         task = bar.add_task(what, total=1.0)
         yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def finishing() -> Generator[None]:
+    """Let the first Ctrl-C pass, so that what was seen is written; the second one counts."""
+    before = signal.getsignal(signal.SIGINT)
+
+    def once(*_: object) -> None:
+        signal.signal(signal.SIGINT, before)
+        console.print("finishing the report; Ctrl-C again gives it up", highlight=False)
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, once)
+    try:
+        yield
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, before)
 
 
 @app.command()
@@ -69,14 +90,25 @@ def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: fl
     if not as_json:
         armed = "at once" if arm_after_s == 0 else f"after {arm_after_s:g} s"
         console.print(f"{case.name}: {case.settings.title}\nseed {used}; the guard is armed {armed}", highlight=False)
+    folder = writable_folder(out)
     clock = WallClock()
     started = clock.now()
     with progress_bar(case.name) as progress:
-        outcome = run_case(case, used, clock, arm_after_s=arm_after_s, progress=progress)
+        tape, interrupted = run_loop(case, used, clock, arm_after_s=arm_after_s, progress=progress)
+    return _conclude(case, used, tape, interrupted, folder, clock.now() - started, as_json)
+
+
+def _conclude(
+    case: Case, seed: int, tape: Tape, interrupted: bool, out: pathlib.Path | None, wall_s: float, as_json: bool
+) -> int:
+    """Evaluate, draw and write what was seen; only a second Ctrl-C stops this."""
+    clock = WallClock()
+    started = clock.now() - wall_s
+    with finishing():
+        outcome = judge(case, seed, tape, interrupted=interrupted)
         figures = _draw(outcome, out)
         outcome = replace(outcome, summary=replace(outcome.summary, total_wall_s=clock.now() - started))
         written = [*figures, *_write(outcome, out)]
-        progress(1.0)
     text = words(outcome)
     if written:
         text += "".join(f"\nwrote {path}" for path in written)
@@ -126,12 +158,13 @@ def simulate(
     limit = math.degrees(config.limits.shift)
     require("shift-deg", shift_deg, f"within +-{limit:g} deg, the limit of the case", abs(shift_deg) <= limit)
     length = _feed_length(config, feed_length_mm)
+    folder = writable_folder(out)
     used = config.settings.seed if seed is None else seed
     with progress_bar(case):
         result: OpenCut = cut_open(config, used, math.radians(shift_deg), length)
     answer = result.as_dict() | {"case": config.name, "seed": used, "shift_deg": shift_deg}
-    if out is not None:
-        answer["written"] = result.write(out)
+    if folder is not None:
+        answer["written"] = result.write(folder)
     emit(answer, result.words(), as_json)
 
 

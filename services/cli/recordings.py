@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from services.cli.app import JsonFlag, OutDir, app, console, emit, positive, require
+from services.cli.app import JsonFlag, OutDir, app, console, emit, positive, require, writable_folder
 from services.errors import InputError, RefusalError
 
 BandText = Annotated[str | None, typer.Option("--band", help="Frequencies to look at, LO:HI (Hz).")]
@@ -54,6 +54,7 @@ def detect(
         require("speed-rpm", speed_rpm, "in (0, 200000] 1/min", 0 < speed_rpm <= 200_000)
     if tools is not None:
         require("tools", tools, "a whole number from 1 to 100", 1 <= tools <= 100)
+    folder = writable_folder(out)
     recording = load_recording(file, rate_hz)
     name, signal = recording.channel(channel)
     limits = parse_band(band, recording.rate_hz)
@@ -72,8 +73,8 @@ def detect(
     }
     if verdict.reason:
         raise RefusalError(verdict.reason, answer)
-    if out is not None:
-        answer["written"] = [str(_draw(verdict, recording.rate_hz, signal, limits, f"{file.name}, {name}", out))]
+    if folder is not None:
+        answer["written"] = [str(_draw(verdict, recording.rate_hz, signal, limits, f"{file.name}, {name}", folder))]
     for note in answer["notes"]:
         console.print(f"note: {note}", markup=False, highlight=False)
     emit(answer, _words(answer), as_json)

@@ -141,7 +141,7 @@ def test_it_works_with_the_cutting_stiffness_believed_wrongly(share):
 
 def test_an_interrupted_run_reports_what_was_seen():
     def stop(share):
-        if share > 0.3:
+        if share > 0.375:
             raise KeyboardInterrupt
 
     result = run_case(load_case("thesis-652"), 1, CountingClock(), progress=stop)

@@ -44,6 +44,7 @@ def run(capsys, *arguments):
         (["run", "thesis-652", "--seed", "-1"], "seed"),
         (["run", "thesis-652", "--arm-after-s", "99"], "arm-after-s"),
         (["detect", "no-such-file.wav"], "file"),
+        (["run", "thesis-652", "--out", "/dev/null/x"], "out"),
         (["no-such-verb"], "verb"),
     ],
 )  # fmt: skip
