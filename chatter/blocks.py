@@ -46,14 +46,14 @@ def reject_non_finite(block: NDArray[np.float64], row: int, samples_seen: int) -
     )
 
 
-def positive_integer(name: str, value: int) -> int:
+def positive_integer(name: str, value: object) -> int:
     """Return an integer of at least one or say which argument is not.
 
     Parameters
     ----------
     name : str
         Name of the argument, for the message.
-    value : int
+    value : object
         Its value.
     """
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
