@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pathlib
 from collections import Counter, deque
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -109,6 +108,7 @@ class Keeper:
             said = self._router.said()
             if "endpoint" in said:
                 self.endpoint = str(said["endpoint"])
+                self._say(f"up: router is alive (process {self._router.pid}) at {self.endpoint}")
                 return self.endpoint
             if self._router.ended() is not None:
                 error = said.get("error", {})
@@ -135,7 +135,8 @@ class Keeper:
         """Take in that a sign of life came or went."""
         if who in self.services:
             self.services[who].alive, self.services[who].since = came, self._clock.now()
-            self._say(f"up: {who} {'is alive' if came else 'is gone'}")
+            pid = self.services[who].child.pid
+            self._say(f"up: {who} is {'alive' if came else 'gone'} (process {pid})")
 
     def look(self) -> bool:
         """Start again what died; returns whether the machine has finished its work."""
@@ -143,6 +144,7 @@ class Keeper:
         if self._router is not None and (code := self._router.ended()) is not None:
             self._died("router", code, self._router_deaths, now)
             self._router = self._new("router", router_line(self.endpoint))
+            self._say(f"up: router is alive (process {self._router.pid}) at {self.endpoint}")
             self._linked_since = now
         for name, service in self.services.items():
             code = service.child.ended()
@@ -196,9 +198,7 @@ def _code(code: int) -> str:
     return f"signal {-code}" if code < 0 else f"exit code {code}"
 
 
-def keep_up(
-    plan: Plan, listen: str, *, stop: StopSignal, clock: Clock, say: Say, ready: Callable[[str], None] | None = None
-) -> dict[str, Any]:
+def keep_up(plan: Plan, listen: str, *, stop: StopSignal, clock: Clock, say: Say) -> dict[str, Any]:
     """Keep the services up until the machine has finished or `stop` comes, and return what there was to count.
 
     Parameters
@@ -213,16 +213,12 @@ def keep_up(
         Monotonic.
     say
         Told in words what happens.
-    ready
-        Told the endpoint once the router is there.
     """
     with private_folder() as folder:
         keeper = Keeper(plan, folder, clock=clock, say=say)
         stopped = False
         try:
             endpoint = keeper.open_router(listen)
-            if ready is not None:
-                ready(endpoint)
             with ZenohBus.client(plan.machine, endpoint, stop.check) as bus:
                 _watch_over(keeper, bus.presence(), stop, clock)
         except Stopped:

@@ -12,6 +12,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 from typing import Any, NamedTuple, Self
 
 import zenoh
@@ -31,8 +32,8 @@ DEPTH = 4096
 CACHE: dict[type[Message], int] = {SampleBlock: 400, Event: 100}
 """Messages that a publisher keeps for those who missed them."""
 FEW = 200
-HEARTBEAT_S = 0.25
-"""How often a publisher says how far it is, so that the loss of its last message is seen."""
+NEVER: Any = timedelta(days=1)
+"""A gap is seen by the message behind it. Asking on a schedule, or by heartbeats, would bring a newcomer the past."""
 MOST_BYTES = 4 << 20
 """Longest message that a link carries; the sender of a longer one is disconnected."""
 _ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream)/[^#?,;\s]+")
@@ -86,18 +87,20 @@ def open_client(endpoint: str, patience: Callable[[], None] | None = None) -> ze
         Where the router listens.
     patience
         Called whenever nobody answers, at most every 100 ms; raises when it is time to give up. Without it, nobody
-        is waited for.
+        is waited for longer than a second.
     """
     check_endpoint("connect", endpoint)
+    until = time.monotonic() + 1.0
     while True:
         try:
             return zenoh.open(_config("client", connect=[endpoint + _RETRY]))
         except zenoh.ZError as error:
             if "Unable to connect" not in str(error):
                 raise InputError("connect", endpoint, f"an endpoint to connect to ({_short(error)})") from error
-            if patience is None:
+            if patience is not None:
+                patience()
+            elif time.monotonic() > until:
                 raise RefusalError(f"nobody listens at {endpoint}") from error
-            patience()
             time.sleep(0.1)
 
 
@@ -190,10 +193,12 @@ class Presence:
         self._closed = False
         self.alive: set[str] = set()
 
-    def changes(self) -> Iterator[tuple[str, bool]]:
-        """Yield who came or went since the last call."""
+    def changes(self) -> list[tuple[str, bool]]:
+        """Return who came or went since the last call."""
+        found: list[tuple[str, bool]] = []
         while (sample := self._handler.try_recv()) is not None:
-            yield self._note(sample)
+            found.append(self._note(sample))
+        return found
 
     def wait(self) -> tuple[str, bool] | None:
         """Return who comes or goes next; None once the bus is closed. For a thread of its own."""
@@ -268,7 +273,7 @@ class ZenohBus:
             encoding=encoding_of(kind),
             congestion_control=zenoh.CongestionControl.DROP,
             cache=ext.CacheConfig(CACHE.get(kind, FEW)),
-            sample_miss_detection=ext.MissDetectionConfig(heartbeat=HEARTBEAT_S, sporadic_heartbeat=None),
+            sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=None),
         )
 
     def publish(self, message: Message) -> None:
@@ -284,7 +289,7 @@ class ZenohBus:
         return self._inbox([self._subscriber(key, depth) for key in keys])
 
     def _subscriber(self, key: str, depth: int) -> Any:
-        recovery = ext.RecoveryConfig(periodic_queries=None, heartbeat=True)
+        recovery = ext.RecoveryConfig(periodic_queries=NEVER, heartbeat=None)
         return ext.declare_advanced_subscriber(
             self._session, key, fifo(depth), allowed_origin=zenoh.Locality.REMOTE, recovery=recovery
         )

@@ -269,9 +269,5 @@ def up(
         lasts=tuple(lasts),
     )
     with StopSignal() as stop:
-        answer = keep_up(plan, listen or DEFAULT_ENDPOINT, stop=stop, clock=WallClock(), say=say, ready=_tell_router)
+        answer = keep_up(plan, listen or DEFAULT_ENDPOINT, stop=stop, clock=WallClock(), say=say)
     emit(answer, _words(answer), as_json)
-
-
-def _tell_router(endpoint: str) -> None:
-    say(f"router at {endpoint}")
