@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -73,7 +73,12 @@ def run_case(case: Case, seed: int, clock: Clock, *, arm_after_s: float = 0.0, p
 
 
 def run_loop(
-    case: Case, seed: int, clock: Clock, *, arm_after_s: float = 0.0, progress: Progress = _silent
+    case: Case,
+    seed: int,
+    clock: Clock,
+    *,
+    arm_after_s: float = 0.0,
+    progress: Progress = _silent,
 ) -> tuple[Tape, bool]:
     """Run the loop alone; returns what was said and whether Ctrl-C ended it early. Arguments as in `run_case`."""
     loop = Loop(case, seed, clock, arm_after_s)
@@ -98,10 +103,17 @@ def judge(case: Case, seed: int, tape: Tape, *, interrupted: bool) -> Outcome:
 
 
 def whole_blocks(tape: Tape) -> Tape:
-    """Return the tape without the last turn when that was interrupted before every node had spoken."""
-    kept = min((len(messages) for kind, messages in tape.messages.items() if kind in _EACH_TURN), default=0)
-    messages = {kind: items[:kept] if kind in _EACH_TURN else items for kind, items in tape.messages.items()}
-    return Tape(messages=messages, latency_ms=tape.latency_ms, wall_s=tape.wall_s, blocks_lost=tape.blocks_lost)
+    """Return the tape with only those turns in which every node was heard, in order and once.
+
+    The last turn may have been interrupted; turns missing between others were lost on the way here, and are counted.
+    """
+    turns = [{m.sequence: m for m in reversed(tape.of(kind))} for kind in _EACH_TURN]
+    kept = sorted(set(turns[0]).intersection(*turns[1:]))
+    messages = dict(tape.messages)
+    for kind, said in zip(_EACH_TURN, turns, strict=True):
+        messages[kind] = [said[number] for number in kept]
+    lost = kept[-1] - kept[0] + 1 - len(kept) if kept else 0
+    return replace(tape, messages=messages, blocks_lost=max(tape.blocks_lost, lost))
 
 
 def open_loop(case: Case, plant: Simulator, samples: int, shift: float = 0.0) -> PlantBlock:
@@ -158,4 +170,5 @@ class Loop:
             self._published = self._clock.now()
         elif isinstance(message, TurretCommand):
             self.tape.latency_ms.append(1e3 * (self._clock.now() - self._published))
-        self.tape.add(message)
+        if not isinstance(message, Tick):
+            self.tape.add(message)

@@ -254,7 +254,7 @@ class RecordingReader:
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
         self.metadata: dict[str, str] = {}
-        self.whole = False
+        self.whole = self._ended = False
         self._lost, self._undecodable = 0, ""
         self._broken: Counter[str] = Counter()
         self._channels: dict[int, tuple[str, str]] = {}
@@ -272,6 +272,7 @@ class RecordingReader:
                     yield from self._message(record)
                 elif isinstance(record, Metadata):
                     self._told(record)
+        self._ended = True
 
     def messages(self) -> Iterator[tuple[str, Message, int]]:
         """Yield topic, message and log time (ns); what cannot be decoded is left out and noted."""
@@ -286,13 +287,13 @@ class RecordingReader:
 
     @property
     def notes(self) -> list[str]:
-        """What a reader should know: how the file ends, and what could not be read."""
+        """What a reader should know: how the file ends, if that was reached, and what could not be read."""
         listed = [f"{count} {what}" for what, count in self._broken.items()]
         if self._undecodable:
             listed.append(f"the first that cannot be decoded: {self._undecodable}")
         if self._lost:
             listed.append(f"{self._lost} messages did not get into the file while it was written")
-        if not self.whole:
+        if self._ended and not self.whole:
             listed.append("the file has no end: whatever wrote it was stopped, or the rest is missing")
         return [f"{self.path.name}: {note}" for note in listed]
 

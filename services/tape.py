@@ -36,6 +36,8 @@ class Tape:
 
     Attributes
     ----------
+    messages, log
+        By type, and all in the order in which they came.
     latency_ms
         From publishing a block to the command that names it, one value each.
     wall_s
@@ -45,12 +47,14 @@ class Tape:
     """
 
     messages: dict[type, list[Any]] = field(default_factory=dict[type, list[Any]])
+    log: list[Any] = field(default_factory=list[Any])
     latency_ms: list[float] = field(default_factory=list[float])
     wall_s: float = 0.0
     blocks_lost: int = 0
 
     def add(self, message: Any) -> None:
         """Append a message."""
+        self.log.append(message)
         self.messages.setdefault(type(message), []).append(message)
 
     def of(self, kind: type) -> list[Any]:

@@ -6,10 +6,10 @@ import math
 import pathlib
 import signal
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -18,6 +18,7 @@ from services.cli.app import INTERRUPTED, JsonFlag, OutDir, Seed, app, console, 
 from services.clock import WallClock
 from services.closed_loop import Outcome, judge, run_loop
 from services.config import Case, load_case
+from services.messages import Message
 from services.tape import Tape
 
 CaseName = Annotated[str, typer.Argument(help="Name of a shipped case, or path of a TOML file.")]
@@ -78,28 +79,93 @@ def demo(
     arm_after_s: ArmAfter = 0.0,
     as_json: JsonFlag = False,
 ) -> int:
-    """Show a case from chatter to silence, with a report to open in a browser."""
-    return _loop(case, seed, out or pathlib.Path("runs") / pathlib.Path(case).stem, arm_after_s, as_json)
+    """Show a case from chatter to silence: machine, monitor and controller as three processes in real time."""
+    from services.demo import run_demo
+    from services.recording_file import McapRecorder
+
+    config, used = _announced(case, seed, arm_after_s, as_json)
+    folder = writable_folder(out or pathlib.Path("runs") / config.name) or pathlib.Path()
+    clock = WallClock()
+    started = clock.now()
+    path = folder / "run.mcap"
+    with progress_bar(case) as progress, McapRecorder(path, _metadata(config, used, "wall")) as recorder:
+
+        def hear(topic: str, payload: bytes, encoding: str, _: Message) -> None:
+            recorder.write(topic, payload, encoding, round(1e9 * (clock.now() - started)))
+
+        seen = run_demo(
+            case, config, used, clock=clock, say=_say, arm_after_s=arm_after_s, hear=hear, progress=progress
+        )
+    if recorder.failure:
+        _say(f"{path.name} is incomplete: {recorder.failure}")
+    ran_s = clock.now() - started
+    return conclude(config, used, seen.tape, seen.interrupted, folder, ran_s, as_json, recorded=[path])
 
 
-def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: float, as_json: bool) -> int:
+def _say(text: str) -> None:
+    console.print(text, markup=False, highlight=False)
+
+
+def _announced(name: str, seed: int | None, arm_after_s: float, as_json: bool) -> tuple[Case, int]:
+    """Return the case and the seed, after checking and saying what is about to happen."""
     case = load_case(name)
     longest = case.settings.air_time + case.settings.cut_time
     require("arm-after-s", arm_after_s, f"in 0..{longest:g} s, the length of the case", 0 <= arm_after_s <= longest)
     used = case.settings.seed if seed is None else seed
     if not as_json:
         armed = "at once" if arm_after_s == 0 else f"after {arm_after_s:g} s"
-        console.print(f"{case.name}: {case.settings.title}\nseed {used}; the guard is armed {armed}", highlight=False)
+        _say(f"{case.name}: {case.settings.title}\nseed {used}; the guard is armed {armed}")
+    return case, used
+
+
+def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: float, as_json: bool) -> int:
+    case, used = _announced(name, seed, arm_after_s, as_json)
     folder = writable_folder(out)
     clock = WallClock()
     started = clock.now()
     with progress_bar(case.name) as progress:
         tape, interrupted = run_loop(case, used, clock, arm_after_s=arm_after_s, progress=progress)
-    return _conclude(case, used, tape, interrupted, folder, clock.now() - started, as_json)
+    ran_s = clock.now() - started
+    recorded = [_record(case, used, tape, folder / "run.mcap")] if folder else []
+    return conclude(case, used, tape, interrupted, folder, ran_s, as_json, recorded=recorded)
 
 
-def _conclude(
-    case: Case, seed: int, tape: Tape, interrupted: bool, out: pathlib.Path | None, wall_s: float, as_json: bool
+def _record(case: Case, seed: int, tape: Tape, path: pathlib.Path) -> pathlib.Path:
+    """Write what was said in lockstep, stamped with the time of the samples."""
+    from services.nodes.recorder import RecorderNode
+    from services.recording_file import McapRecorder
+
+    with McapRecorder(path, _metadata(case, seed, "samples")) as recorder:
+        node = RecorderNode(recorder, "", case.settings.sample_rate_hz)
+        for message in tape.log:
+            node.handle(message)
+    if recorder.failure:
+        console.print(f"{path.name} is incomplete: {recorder.failure}", style="bold red", markup=False)
+    return path
+
+
+def _metadata(case: Case, seed: int, clock: Literal["wall", "samples"]) -> dict[str, str]:
+    from services.recording_file import run_metadata
+    from services.tape import versions
+
+    release = versions()["antiphase"]
+    return run_metadata(
+        case=case.name, seed=seed, run="", config=case.text, digest=case.digest, version=release, clock=clock
+    )
+
+
+def conclude(
+    case: Case,
+    seed: int,
+    tape: Tape,
+    interrupted: bool,
+    out: pathlib.Path | None,
+    wall_s: float,
+    as_json: bool,
+    *,
+    recorded: Sequence[pathlib.Path] = (),
+    extra: dict[str, Any] | None = None,
+    more: str = "",
 ) -> int:
     """Evaluate, draw and write what was seen; only a second Ctrl-C stops this."""
     clock = WallClock()
@@ -108,11 +174,11 @@ def _conclude(
         outcome = judge(case, seed, tape, interrupted=interrupted)
         figures = _draw(outcome, out)
         outcome = replace(outcome, summary=replace(outcome.summary, total_wall_s=clock.now() - started))
-        written = [*figures, *_write(outcome, out)]
-    text = words(outcome)
+        written = [*recorded, *figures, *_write(outcome, out)]
+    text = words(outcome) + more
     if written:
         text += "".join(f"\nwrote {path}" for path in written)
-    emit({**outcome.summary.as_dict(), "written": written}, text, as_json)
+    emit({**outcome.summary.as_dict(), **(extra or {}), "written": written}, text, as_json)
     return INTERRUPTED if outcome.record.interrupted else 0
 
 
