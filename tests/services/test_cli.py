@@ -45,6 +45,9 @@ def run(capsys, *arguments):
         (["run", "thesis-652", "--arm-after-s", "99"], "arm-after-s"),
         (["detect", "no-such-file.wav"], "file"),
         (["run", "thesis-652", "--out", "/dev/null/x"], "out"),
+        (["replay", "no-such-file.mcap"], "file"),
+        (["replay", "x.mcap", "--pace", "0"], "pace"),
+        (["replay", "x.mcap", "--from", "3", "--to", "2"], "to"),
         (["no-such-verb"], "verb"),
     ],
 )  # fmt: skip
@@ -101,6 +104,11 @@ def test_run_writes_what_it_says(capsys, tmp_path):
     assert all((tmp_path / name).stat().st_size > 500 for name in written)
     stored = json.loads((tmp_path / "summary.json").read_text())
     assert stored["chatter_hz"] == answer["chatter_hz"]
+    code, again = run(capsys, "replay", tmp_path / "run.mcap")
+    assert code == 0
+    assert again["same_as_recorded"] is True
+    wall = {"loop_p50_ms", "loop_p99_ms", "real_time_factor", "total_wall_s", "written"}
+    assert {k: again[k] for k in answer if k not in wall} == {k: v for k, v in answer.items() if k not in wall}
     html = (tmp_path / "report.html").read_text()
     assert "http://" not in html.replace("http://www.w3.org", "")
     assert "https://" not in html
@@ -190,3 +198,24 @@ def test_ctrl_c_leaves_a_report(capsys, tmp_path, monkeypatch):
     assert answer["simulated_s"] == pytest.approx(2.3)
     assert math.isclose(answer["entered_cut_s"], 2.0)
     assert (tmp_path / "report.html").exists()
+
+
+def test_doctor_finds_this_installation_sound(capsys):
+    code, answer = run(capsys, "doctor")
+    assert code == 0, answer
+    assert {"compiled kernels", "bus round trip", "clock"} <= {check["name"] for check in answer["checks"]}
+    assert all(check["ok"] and check["detail"] for check in answer["checks"])
+
+
+@pytest.mark.system
+def test_the_demo_over_the_network_is_the_run_in_one_process(capsys, tmp_path):
+    code, demo = run(capsys, "demo", "thesis-652", "--seed", 7, "--out", tmp_path)
+    assert code == 0
+    _, lockstep = run(capsys, "run", "thesis-652", "--seed", 7)
+    if demo["commands_late"] == 0:
+        for key in ("detected_s", "chatter_hz", "shift_deg", "suppressed_s", "marked_length_mm", "ra_after_um"):
+            assert demo[key] == lockstep[key], key
+    assert demo["outcome"] == "suppressed"
+    assert demo["blocks_lost"] == 0
+    code, again = run(capsys, "replay", tmp_path / "run.mcap")
+    assert (code, again["same_as_recorded"]) == (0, True)
