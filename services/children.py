@@ -7,16 +7,17 @@ import os
 import pathlib
 import subprocess
 import tempfile
-import time
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager, suppress
 from typing import IO, Any
 
+from services.clock import WallClock
 from services.process import GO
 
 PATIENCE_S = 3.0
 """How long a child has to end when asked."""
 TAIL = 12
+CLOCK = WallClock()
 
 
 class Child:
@@ -41,7 +42,7 @@ class Child:
             self._process = subprocess.Popen(
                 line, stdin=subprocess.PIPE, stdout=out, stderr=err if quiet else None, start_new_session=True
             )
-        self.started = time.monotonic()
+        self.started = CLOCK.now()
 
     def _file(self, name: str) -> IO[bytes]:
         return (self._folder / name).open("wb")
@@ -97,8 +98,8 @@ class Child:
         self._wait(None)
 
     def end(self, deadline: float) -> None:
-        """Wait until it has ended, by force from `deadline` on (monotonic, s)."""
-        if not self._wait(max(0.0, deadline - time.monotonic())):
+        """Wait until it has ended, by force from `deadline` on (s)."""
+        if not self._wait(max(0.0, deadline - CLOCK.now())):
             self.kill()
 
     def _wait(self, seconds: float | None) -> bool:
@@ -117,7 +118,7 @@ def end_all(children: Iterable[Child]) -> None:
     listed = list(children)
     for child in listed:
         child.ask_to_end()
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = CLOCK.now() + PATIENCE_S
     for child in listed:
         try:
             child.end(deadline)

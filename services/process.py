@@ -80,6 +80,10 @@ class Parent:
         end_within(5.0, 1)
         os.kill(os.getpid(), signal.SIGTERM)
 
+    def told(self) -> bool:
+        """Whether the parent has said `go`."""
+        return self._go.is_set()
+
     def wait(self) -> None:
         """Return when the parent says `go`; signals may interrupt it."""
         while not self._go.wait(0.2):
@@ -106,14 +110,15 @@ def end_within(seconds: float, code: int) -> threading.Timer:
 
 def command_line(*arguments: str) -> list[str]:
     """Return how to start `antiphase` in a new process, from the same code and interpreter as this one."""
-    return _python("from services.cli.app import main; main()", *arguments)
+    return python_line("from services.cli.app import main; main()", *arguments)
 
 
 def router_line(endpoint: str) -> list[str]:
     """Return how to start a process that routes; quicker than `antiphase router`."""
-    return _python("from services.router import main; sys.exit(main(sys.argv[1]))", endpoint)
+    return python_line("from services.router import main; sys.exit(main(sys.argv[1]))", endpoint)
 
 
-def _python(code: str, *arguments: str) -> list[str]:
+def python_line(code: str, *arguments: str) -> list[str]:
+    """Return how to run a line of Python that may import this code in a new process."""
     root = str(pathlib.Path(__file__).resolve().parent.parent)
     return [sys.executable, "-c", f"import sys; sys.path.insert(0, {root!r}); {code}", *arguments]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import sys
-import time
+import threading
 from collections.abc import Callable
 
 from services.errors import InputError
@@ -33,8 +33,7 @@ def hold(endpoint: str, stop: StopSignal, *, child: bool, ready: Callable[[str],
             Parent()
         ready(where)
         with stop.waiting():
-            while True:
-                time.sleep(3600.0)
+            threading.Event().wait()
     finally:
         session.close()
 

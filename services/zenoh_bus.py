@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import re
-import time
 from collections.abc import Callable, Iterator
 from datetime import timedelta
 from typing import Any, NamedTuple, Self
@@ -18,6 +17,7 @@ from typing import Any, NamedTuple, Self
 import zenoh
 from zenoh import ext
 
+from services.clock import WallClock
 from services.errors import InputError, RefusalError
 from services.messages import TOPICS, Event, Message, SampleBlock
 from services.wire import decode, encode, encoding_of, topic_of
@@ -90,7 +90,8 @@ def open_client(endpoint: str, patience: Callable[[], None] | None = None) -> ze
         is waited for longer than a second.
     """
     check_endpoint("connect", endpoint)
-    until = time.monotonic() + 1.0
+    clock = WallClock()
+    until = clock.now() + 1.0
     while True:
         try:
             return zenoh.open(_config("client", connect=[endpoint + _RETRY]))
@@ -99,9 +100,9 @@ def open_client(endpoint: str, patience: Callable[[], None] | None = None) -> ze
                 raise InputError("connect", endpoint, f"an endpoint to connect to ({_short(error)})") from error
             if patience is not None:
                 patience()
-            elif time.monotonic() > until:
+            elif clock.now() > until:
                 raise RefusalError(f"nobody listens at {endpoint}") from error
-            time.sleep(0.1)
+            clock.sleep_until(clock.now() + 0.1)
 
 
 def fifo(depth: int = DEPTH) -> Any:
@@ -145,32 +146,45 @@ def _short(error: Exception) -> str:
 
 
 class Inbox:
-    """Bounded FIFOs of what one node subscribes to; only the thread of the node may take from them."""
+    """Bounded FIFOs of what one node subscribes to; only the thread of the node may take from them.
 
-    def __init__(self, prefix: str, subscribers: list[Any]) -> None:
+    Parameters
+    ----------
+    prefix
+        Of the keys of the machine.
+    subscribers
+        Each with the one type of message that it gives, or None if it gives all.
+    """
+
+    def __init__(self, prefix: str, subscribers: list[tuple[Any, type[Message] | None]]) -> None:
         self._start = len(prefix)
-        self._subscribers = subscribers
+        self._subscribers = [
+            (subscriber, kind and topic_of(kind), kind and encoding_of(kind)) for subscriber, kind in subscribers
+        ]
         self.unknown = 0
 
     def wait(self) -> Received:
         """Return the next message of the only subscription, as soon as there is one; a signal may interrupt it."""
+        subscriber, topic, encoding = self._subscribers[0]
         while True:
-            received = self._received(self._subscribers[0].recv())
+            received = self._received(subscriber.recv(), topic, encoding)
             if received is not None:
                 return received
 
     def take(self, most: int = DEPTH) -> Iterator[Received]:
         """Yield what has come, and do not wait."""
-        for subscriber in self._subscribers:
+        for subscriber, topic, encoding in self._subscribers:
             for _ in range(most):
                 sample = subscriber.try_recv()
                 if sample is None:
                     break
-                received = self._received(sample)
+                received = self._received(sample, topic, encoding)
                 if received is not None:
                     yield received
 
-    def _received(self, sample: Any) -> Received | None:
+    def _received(self, sample: Any, topic: str | None, encoding: str | None) -> Received | None:
+        if topic is not None and encoding is not None:
+            return Received(topic, sample.payload.to_bytes(), encoding)
         topic = str(sample.key_expr)[self._start :]
         if topic not in TOPICS:
             self.unknown += 1
@@ -180,7 +194,7 @@ class Inbox:
     def close(self) -> None:
         """Undeclare the subscriptions."""
         while self._subscribers:
-            self._subscribers.pop().undeclare()
+            self._subscribers.pop()[0].undeclare()
 
 
 class Presence:
@@ -278,26 +292,26 @@ class ZenohBus:
 
     def publish(self, message: Message) -> None:
         """Send a message to whoever wants it; never waits for anyone."""
-        kind = type(message)
+        self.publish_payload(type(message), encode(message))
+
+    def publish_payload(self, kind: type[Message], payload: bytes) -> None:
+        """Send what `encode` made of a message of a type."""
         if kind not in self._publishers:
             self.offer(kind)
-        self._publishers[kind].put(encode(message))
+        self._publishers[kind].put(payload)
 
     def subscribe(self, *kinds: type[Any], depth: int = DEPTH) -> Inbox:
         """Return the inbox of what others publish: some types, or everything about the machine without types."""
-        keys = [self._prefix + topic_of(kind) for kind in kinds] or [self._prefix + "**"]
-        return self._inbox([self._subscriber(key, depth) for key in keys])
+        wanted = [(self._prefix + topic_of(kind), kind) for kind in kinds] or [(self._prefix + "**", None)]
+        inbox = Inbox(self._prefix, [(self._subscriber(key, depth), kind) for key, kind in wanted])
+        self._open.append(inbox)
+        return inbox
 
     def _subscriber(self, key: str, depth: int) -> Any:
         recovery = ext.RecoveryConfig(periodic_queries=NEVER, heartbeat=None)
         return ext.declare_advanced_subscriber(
             self._session, key, fifo(depth), allowed_origin=zenoh.Locality.REMOTE, recovery=recovery
         )
-
-    def _inbox(self, subscribers: list[Any]) -> Inbox:
-        inbox = Inbox(self._prefix, subscribers)
-        self._open.append(inbox)
-        return inbox
 
     def announce(self, service: str) -> None:
         """Show that a service is alive until `close`, or until the process ends in whatever way."""

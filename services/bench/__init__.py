@@ -1,0 +1,1 @@
+"""Benchmark tables: ours beside its peers, measured in one run."""
