@@ -1,0 +1,74 @@
+"""One observation: what was printed, what the model computes, whether they agree and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+Value = float | str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One observation.
+
+    Attributes
+    ----------
+    source
+        Where it is printed.
+    quantity
+        What was observed.
+    printed, computed
+        In `unit`; a word where the print has only words, None where there is no value.
+    unit
+        Of both; empty for words and ratios.
+    agrees
+        Whether they agree within the tolerance that `why` states.
+    why
+        Why this tolerance, or why they do not agree.
+    """
+
+    source: str
+    quantity: str
+    printed: Value
+    computed: Value
+    unit: str
+    agrees: bool
+    why: str
+
+
+def near(
+    source: str,
+    quantity: str,
+    printed: float,
+    computed: float | None,
+    unit: str,
+    *,
+    within: float,
+    why: str,
+    otherwise: str = "",
+) -> Row:
+    """Return a row that agrees if the computed value is `within` so much of the printed one."""
+    agrees = computed is not None and abs(computed - printed) <= within
+    said = f"within {within:.3g} {unit}".rstrip() + f": {why}"
+    return Row(
+        source=source,
+        quantity=quantity,
+        printed=printed,
+        computed=computed,
+        unit=unit,
+        agrees=agrees,
+        why=said if agrees or not otherwise else f"not {said}. {otherwise}",
+    )
+
+
+def said(source: str, quantity: str, printed: str, computed: Value, agrees: bool, *, why: str, unit: str = "") -> Row:
+    """Return a row for something printed in words."""
+    return Row(source=source, quantity=quantity, printed=printed, computed=computed, unit=unit, agrees=agrees, why=why)
+
+
+def as_table(rows: Iterable[Row]) -> dict[str, Any]:
+    """Return the keys of the command line."""
+    listed = [asdict(row) for row in rows]
+    return {"rows": listed, "agree": sum(row["agrees"] for row in listed), "total": len(listed)}
