@@ -12,7 +12,7 @@ from services.clock import Clock
 from services.errors import InputError, RefusalError
 from services.node import Say
 from services.process import Stopped, StopSignal, command_line, router_line
-from services.zenoh_bus import Presence, ZenohBus
+from services.zenoh_bus import ZenohBus
 
 FOLLOWERS = ("monitor", "controller")
 SERVICES = ("machine", *FOLLOWERS)
@@ -138,14 +138,21 @@ class Keeper:
             pid = self.services[who].child.pid
             self._say(f"up: {who} is {'alive' if came else 'gone'} (process {pid})")
 
-    def look(self) -> bool:
-        """Start again what died; returns whether the machine has finished its work."""
+    def look(self, linked: bool) -> bool:
+        """Start again what died; returns whether the machine has finished its work.
+
+        Parameters
+        ----------
+        linked
+            Whether signs of life could be seen: without a router nobody shows any.
+        """
         now = self._clock.now()
+        if not linked:
+            self._linked_since = now
         if self._router is not None and (code := self._router.ended()) is not None:
             self._died("router", code, self._router_deaths, now)
             self._router = self._new("router", router_line(self.endpoint))
             self._say(f"up: router is alive (process {self._router.pid}) at {self.endpoint}")
-            self._linked_since = now
         for name, service in self.services.items():
             code = service.child.ended()
             if code == 0 and name == "machine":
@@ -220,7 +227,7 @@ def keep_up(plan: Plan, listen: str, *, stop: StopSignal, clock: Clock, say: Say
         try:
             endpoint = keeper.open_router(listen)
             with ZenohBus.client(plan.machine, endpoint, stop.check) as bus:
-                _watch_over(keeper, bus.presence(), stop, clock)
+                _watch_over(keeper, bus, stop, clock)
         except Stopped:
             stopped = True
         finally:
@@ -229,13 +236,14 @@ def keep_up(plan: Plan, listen: str, *, stop: StopSignal, clock: Clock, say: Say
         return {"stopped": stopped, "restarts": dict(keeper.restarts), "endpoint": keeper.endpoint, "machine": machine}
 
 
-def _watch_over(keeper: Keeper, presence: Presence, stop: StopSignal, clock: Clock) -> None:
+def _watch_over(keeper: Keeper, bus: ZenohBus, stop: StopSignal, clock: Clock) -> None:
+    presence = bus.presence()
     keeper.start()
     finished = False
     while not finished:
         for who, came in presence.changes():
             keeper.note(who, came)
-        finished = keeper.look()
+        finished = keeper.look(bus.linked())
         with stop.waiting():
             clock.sleep_until(clock.now() + TICK_S)
 

@@ -323,6 +323,10 @@ class ZenohBus:
             token.undeclare()
         self._tokens.clear()
 
+    def linked(self) -> bool:
+        """Whether a router is in reach; for a client."""
+        return bool(self._session.info.routers_zid())
+
     def alive(self) -> set[str]:
         """Ask who is alive at this moment."""
         prefix = f"{self._prefix}alive/"

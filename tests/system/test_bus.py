@@ -45,9 +45,11 @@ def numbers(inbox, wanted, seconds=20.0):
 def introduce(sender, *receivers):
     """Return when the sender knows what the receivers subscribe to: signs of life come later, as in the barrier."""
     presence = sender.presence()
-    for k, receiver in enumerate(receivers):
-        receiver.announce(f"receiver-{k}")
-    assert until(lambda: len(alive(presence)) == len(receivers))
+    names = {f"receiver-{id(receiver)}" for receiver in receivers}
+    for receiver in receivers:
+        receiver.announce(f"receiver-{id(receiver)}")
+    assert until(lambda: names <= alive(presence))
+    return names
 
 
 def alive(presence):
@@ -76,8 +78,11 @@ def test_what_is_published_arrives_in_order_and_as_it_was(router):
 
 def test_a_newcomer_hears_nothing_of_the_past(router):
     with client(router) as sender, client(router) as receiver:
+        everything = router.subscribe()
+        introduce(sender, router)
         for k in range(20):
             sender.publish(command(k))
+        assert numbers(everything, 20) == list(range(20))
         inbox = receiver.subscribe(TurretCommand)
         introduce(sender, receiver)
         for k in range(20, 40):
@@ -138,8 +143,8 @@ def test_a_link_that_is_cut_for_a_second_loses_nothing_and_is_seen(router, way):
         with client(router) as sender, ZenohBus.client("m", link.endpoint) as receiver:
             presence, inbox = router.presence(), receiver.subscribe(SampleBlock)
             sender.offer(SampleBlock)
-            introduce(sender, receiver)
-            assert until(lambda: "receiver-0" in alive(presence))
+            (name,) = introduce(sender, receiver)
+            assert until(lambda: name in alive(presence))
             got, gone_after, k = [], None, 0
             cut_at = mended_at = None
             while mended_at is None or time.monotonic() < mended_at + 0.3:
@@ -150,7 +155,7 @@ def test_a_link_that_is_cut_for_a_second_loses_nothing_and_is_seen(router, way):
                 if cut_at is not None and mended_at is None and now > cut_at + 1.0:
                     link.mend()
                     mended_at = now
-                if ("receiver-0", False) in presence.changes() and gone_after is None:
+                if (name, False) in presence.changes() and gone_after is None:
                     gone_after = now - cut_at
                 sender.publish(block(k))
                 k += 1

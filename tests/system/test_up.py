@@ -36,6 +36,13 @@ class Up:
     def works(self, kind=TurretCommand, seconds=BACK_S):
         return self.spy.new(kind, 5, seconds) is not None
 
+    def story(self):
+        """Tell what happened, for a test that fails."""
+        self.spy.look()
+        lines = [line for line in self.process.told().splitlines() if " = " not in line]
+        events = [f"{e.sample / 9000:.2f} s {e.source} {e.text}" for e in self.spy.of(Event)]
+        return "\n".join(("", *lines[-40:], *events[-40:], str(self.spy.last.get(MachineState))))
+
     def kill(self, service):
         """End a process by force; returns when."""
         self.spy.look()
@@ -76,13 +83,13 @@ def reserves(up):
 @pytest.mark.parametrize("service", ["monitor", "controller"])
 def test_a_follower_that_dies_is_replaced_before_the_guard_gives_up(up, service):
     assert reserves(up)
-    assert up.works()
+    assert up.works(), up.story()
     run = up.spy.last[MachineState].run
     killed = up.kill(service)
     assert up.spy.until(lambda: up.spy.seen(service, False, killed) is not None, SEEN_S + 1.0)
     assert up.spy.seen(service, False, killed) < SEEN_S
     assert up.spy.until(lambda: up.spy.seen(service, True, killed) is not None, BACK_S)
-    assert up.works()
+    assert up.works(), up.story()
     assert time.monotonic() - killed < BACK_S
     states = [state for state in up.spy.of(MachineState) if state.run == run]
     assert {state.guard_state for state in states} <= {"OFF", "ACTIVE", "HOLDING"}
@@ -95,13 +102,13 @@ def test_a_follower_that_dies_is_replaced_before_the_guard_gives_up(up, service)
 
 
 def test_without_a_router_the_guard_holds_and_the_loop_comes_back(up):
-    assert up.works()
+    assert up.works(), up.story()
     run, blocks = up.spy.last[MachineState].run, len(up.spy.of(SampleBlock))
     killed = up.kill("router")
     assert up.spy.until(lambda: up.spy.seen("machine", False, killed) is not None, SEEN_S + 1.0)
     assert up.spy.seen("machine", False, killed) < SEEN_S
     assert up.spy.until(lambda: up.spy.seen("machine", True, killed) is not None, BACK_S)
-    assert up.works()
+    assert up.works(), up.story()
     assert time.monotonic() - killed < BACK_S
     assert up.spy.until_guard("ACTIVE", seconds=BACK_S)
     assert up.spy.last[MachineState].run == run
@@ -133,7 +140,7 @@ def hostile(up, number):
 
 
 def test_nothing_from_outside_moves_the_turret_beyond_its_limits(up):
-    assert up.works()
+    assert up.works(), up.story()
     limits = load_case(CASE).limits
     start, before = len(up.spy.of(MachineState)), up.spy.last[MachineState]
     rogue = up.spy.bus._session.declare_publisher(key("lathe-1", TurretCommand), encoding=encoding_of(TurretCommand))
@@ -150,12 +157,12 @@ def test_nothing_from_outside_moves_the_turret_beyond_its_limits(up):
         assert state.guard_state in ("ACTIVE", "HOLDING")
     assert up.spy.until(lambda: up.spy.last[MachineState].commands_rejected > before.commands_rejected + 100, BACK_S)
     assert up.spy.until(lambda: any(e.kind == "decode_error" for e in up.spy.of(Event)), BACK_S)
-    assert up.works()
+    assert up.works(), up.story()
     assert up.spy.until_guard("ACTIVE", seconds=BACK_S)
 
 
 def test_a_machine_that_dies_comes_back_with_its_guard_off(up):
-    assert up.works()
+    assert up.works(), up.story()
     run = up.spy.last[MachineState].run
     killed = up.kill("machine")
     assert up.spy.until(lambda: up.spy.seen("machine", False, killed) is not None, SEEN_S + 1.0)
@@ -168,7 +175,7 @@ def test_a_machine_that_dies_comes_back_with_its_guard_off(up):
     assert not [c for c in up.spy.of(TurretCommand) if c.run != run]
     up.spy.ask("arm", "an-operator-asks")
     assert up.spy.until_guard("ACTIVE", seconds=BACK_S)
-    assert up.works()
+    assert up.works(), up.story()
 
 
 def test_up_ends_with_everything_it_started(up):
