@@ -1,5 +1,5 @@
 """Importing this module registers every verb."""
 
-from services.cli import analysis, bench, loop, recordings, services, upkeep
+from services.cli import analysis, bench, loop, recordings, reproduce, services, upkeep
 
-__all__ = ["analysis", "bench", "loop", "recordings", "services", "upkeep"]
+__all__ = ["analysis", "bench", "loop", "recordings", "reproduce", "services", "upkeep"]
