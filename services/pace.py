@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import uuid
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -84,12 +85,22 @@ class PacedMachine:
         Ends it between two blocks.
     say
         Told in words what happens.
+    log
+        Given every event of the node, for the audit.
     """
 
     def __init__(
-        self, node: Node, bus: ZenohBus, run: str, *, clock: Clock, stop: StopSignal, say: Say
+        self,
+        node: Node,
+        bus: ZenohBus,
+        run: str,
+        *,
+        clock: Clock,
+        stop: StopSignal,
+        say: Say,
+        log: Callable[[Event], None] | None = None,
     ) -> None:
-        self._node, self._bus, self._run = node, bus, run
+        self._node, self._bus, self._run, self._log = node, bus, run, log
         self._clock, self._stop, self._say = clock, stop, say
         self._herald = Herald("machine", bus, clock, say)
         self._herald.run = run
@@ -186,6 +197,8 @@ class PacedMachine:
                 self._owed = message.sequence
             elif isinstance(message, MachineState):
                 self.counts.state = message
+            elif isinstance(message, Event) and self._log is not None:
+                self._log(message)
             self._bus.publish(message)
 
     def _arm(self) -> None:

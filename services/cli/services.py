@@ -15,6 +15,7 @@ from services.cli.app import JsonFlag, Seed, app, console, emit, positive, requi
 from services.clock import WallClock
 from services.config import Case, load_case
 from services.errors import InputError, RefusalError
+from services.messages import Event
 from services.process import Parent, Stopped, StopSignal, end_within
 from services.zenoh_bus import DEFAULT_ENDPOINT, ZenohBus, check_endpoint, check_machine
 
@@ -84,6 +85,9 @@ def machine(
     ] = None,
     forever: Annotated[bool, typer.Option("--forever", help="Until stopped.")] = False,
     arm_after_s: ArmAfter = None,
+    event_log: Annotated[
+        pathlib.Path | None, typer.Option("--event-log", help="File to which every event is appended, for the audit.")
+    ] = None,
     wait_s: Annotated[float, typer.Option("--wait-s", help="How long to wait for monitor and controller (s).")] = 120.0,
     as_json: JsonFlag = False,
     child: Child = False,
@@ -113,12 +117,29 @@ def machine(
             say("\n".join(("limits of the guard:", *config.limits.describe())))
             if arm_after_s is None:
                 say("the guard is OFF until `antiphase operator arm` (or --arm-after-s)")
-            paced = PacedMachine(MachineNode(config, used, run), bus, run, clock=WallClock(), stop=stop, say=say)
             armed = None if arm_after_s is None else round(arm_after_s / BLOCK_S)
-            counts = paced.run(blocks, arm_block=armed, wait_s=wait_s)
+            with _audit(event_log, config, run) as log:
+                node = MachineNode(config, used, run)
+                paced = PacedMachine(node, bus, run, clock=WallClock(), stop=stop, say=say, log=log)
+                counts = paced.run(blocks, arm_block=armed, wait_s=wait_s)
             answer = {"service": "machine", "machine": bus.machine, "run": run, "case": config.name, "seed": used}
             answer |= counts.summary(latencies) | {"endpoint": bus.endpoint} | paced.noticed()
     emit(answer, _words(answer), as_json)
+
+
+@contextmanager
+def _audit(path: pathlib.Path | None, case: Case, run: str) -> Generator[Callable[[Event], None] | None]:
+    """Keep the audit log of a run, and say when it is incomplete."""
+    from services.event_log import EventLog
+
+    if path is None:
+        yield None
+        return
+    with EventLog(path) as log:
+        log.begin(case, run)
+        yield log.write
+    if log.failure:
+        say(f"the event log is incomplete: {log.failure}")
 
 
 @app.command()
@@ -224,6 +245,9 @@ def operator(
     request: Annotated[str, typer.Argument(help="arm, dry_run, disarm, reset or stop.")],
     connect: Connect = None,
     name: Annotated[str, typer.Option("--machine", help="Name of the machine.")] = "lathe-1",
+    event_log: Annotated[
+        pathlib.Path | None, typer.Option("--event-log", help="File to which every event is appended, for the audit.")
+    ] = None,
     wait_s: Annotated[float, typer.Option("--wait-s", help="How long to wait for the machine's answer (s).")] = 3.0,
     as_json: JsonFlag = False,
 ) -> None:

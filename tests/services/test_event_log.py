@@ -1,0 +1,64 @@
+"""The audit log: appended line by line, complete after a crash, never in the way of the machine."""
+
+import json
+import pathlib
+import subprocess
+import sys
+
+import pytest
+
+from services.config import load_case
+from services.errors import InputError
+from services.event_log import EventLog
+from services.messages import Event
+
+
+def event(number):
+    return Event(
+        run="r", source="machine", sequence=number, sample=90 * number, kind="guard_state", text="OFF -> ARMED"
+    )
+
+
+def test_lines_are_appended_and_never_rewritten(tmp_path):
+    path = tmp_path / "deep" / "events.jsonl"
+    for run in ("first", "second"):
+        with EventLog(path) as log:
+            log.begin(load_case("thesis-652"), run)
+            for number in range(3):
+                log.write(event(number))
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [line["run"] for line in lines] == ["first", "r", "r", "r", "second", "r", "r", "r"]
+    assert lines[0]["sha256"] == load_case("thesis-652").digest
+    assert any(limit.startswith("shift_speed = ") for limit in lines[0]["limits"])
+    assert lines[1]["sample"] == 0
+
+
+def test_a_killed_process_leaves_what_it_told(tmp_path):
+    path = tmp_path / "events.jsonl"
+    code = (
+        "import os, sys, time, pathlib\n"
+        "from services.event_log import EventLog\nfrom tests.services.test_event_log import event\n"
+        f"log = EventLog(pathlib.Path({str(path)!r}))\n"
+        "for k in range(50): log.write(event(k))\n"
+        "while log._lines.qsize(): time.sleep(0.001)\n"
+        "time.sleep(0.2)\nos.kill(os.getpid(), 9)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=False)
+    assert done.returncode == -9
+    assert len(path.read_text().splitlines()) == 50
+
+
+def test_a_full_disk_is_said_and_stops_nothing():
+    full = pathlib.Path("/dev/full")
+    if not full.exists():
+        pytest.skip("no /dev/full here")
+    log = EventLog(full)
+    log.write(event(1))
+    log.close()
+    assert "No space" in log.failure
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="appended"):
+        EventLog(tmp_path / "file" / "events.jsonl")
