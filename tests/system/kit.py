@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import os
 import pathlib
 import signal
 import socket
@@ -42,7 +43,8 @@ class Process:
         self.folder.mkdir(parents=True, exist_ok=True)
         with (self.folder / "out").open("wb") as out, (self.folder / "err").open("wb") as err:
             files = {"stdin": subprocess.DEVNULL, "stdout": out, "stderr": err}
-            self.popen = subprocess.Popen(line or command_line(*arguments), start_new_session=True, **files)
+            where = os.environ | {"TMPDIR": str(self.folder)}  # whoever is killed leaves his files here
+            self.popen = subprocess.Popen(line or command_line(*arguments), start_new_session=True, env=where, **files)
 
     pid = property(lambda self: self.popen.pid)
 
