@@ -70,7 +70,8 @@ def error_figure(_: Chapter6) -> Figure:
     for frequency, colour in zip(thesis.ERROR_AT_HZ, (TWIN, SHIFT, CONTROLLED), strict=True):
         values = shift_error_deg(frequency, error)
         axes.plot(error, values, color=colour)
-        say(axes, -10.3, float(values[0]), f"{frequency:g} Hz", colour, ha="right")
+        raised = 0.0008 * (thesis.ERROR_AT_HZ[1] - frequency) * 0.25
+        say(axes, -10.3, float(values[0]) + raised, f"{frequency:g} Hz", colour, ha="right", fontsize=9)
     axes.set(xlabel="error of $f_c$ (Hz)", ylabel="error of Δθ/2 (deg)", xlim=(-13.0, 10.5), ylim=(-0.125, 0.125))
     axes.set_xticks([-10, -5, 0, 5, 10])
     axes.text(10.2, limit, "±0.1° ", ha="right", va="top", color=MUTED, fontsize=9)
@@ -83,7 +84,7 @@ def relation_figure(_: Chapter6) -> Figure:
     figure = new_figure(7.4, 5.0)
     axes = figure.subplots()
     low, high = thesis.STABLE_BAND_PI
-    statement = "Fig. 6-20, section 6.5.2: chatter avoided from 0.7π to 1.1π (grey)"
+    statement = "652 Hz (solid), 532 Hz (dashed). Section 6.5.2: chatter avoided from 0.7π to 1.1π (grey)"
     _title(axes, "Phase difference over pitch difference", statement)
     axes.axhspan(low, high, color=FAINT, alpha=0.6, linewidth=0)
     axes.axhline(1.0, color=MUTED, linewidth=0.8, linestyle=(0, (4, 3)))
@@ -93,13 +94,13 @@ def relation_figure(_: Chapter6) -> Figure:
         for frequency, style in ((thesis.NOMINAL_HZ, "-"), (thesis.LINES_HZ[-1], (0, (5, 2)))):
             phase = np.array([phase_pi(frequency, float(value), speed) for value in difference])
             axes.plot(difference, phase, color=colour, linestyle=style)
-            end = min(7.95, float(np.interp(1.93, phase, difference)))
-            place = float(np.interp(end, difference, phase))
-            say(axes, end - 0.12, place, f"{speed:g} min⁻¹, {frequency:g} Hz", colour, ha="right", fontsize=8.5)
+        end = min(7.0, float(np.interp(1.85, phase, difference)))
+        place = phase_pi(thesis.NOMINAL_HZ, end, speed)
+        say(axes, end - 0.15, place + 0.05, f"{speed:g} min⁻¹", colour, ha="right")
     axes.plot([thesis.PITCH_DIFFERENCE_DEG], [1.0], "o", color=INK, markersize=6, zorder=4)
     axes.annotate(
-        "5.52° (section 6.5.1)", (thesis.PITCH_DIFFERENCE_DEG, 1.0), (5.75, 0.86), color=INK, fontsize=9,
-        fontweight="bold", va="center",
+        "5.52° (section 6.5.1)", (thesis.PITCH_DIFFERENCE_DEG, 1.0), (5.4, 1.055), color=INK, fontsize=9,
+        fontweight="bold", va="center", ha="right",
     )  # fmt: skip
     axes.set(xlabel="pitch difference Δθ (deg)", ylabel="phase difference Δε (π rad)", xlim=(0, 8), ylim=(0, 2))
     return figure
@@ -111,10 +112,10 @@ def pass_figure(chapter: Chapter6) -> Figure:
     study = chapter.equal_pitch
     figure = new_figure(11.6, 7.0)
     panels = figure.subplots(2, 2, width_ratios=[2.2, 1.0])
-    typical = max(study.equal, key=lambda cut: (len({round(p.hz / 40.0) for p in cut.plateaus}), -len(cut.plateaus)))
+    typical = max(study.equal, key=_likeness)
     lines = ", ".join(f"{line:g}" for line in thesis.LINES_HZ)
     _spectrum_of_pass(panels[0, 0], typical)
-    _title(panels[0, 0], "Equal pitch, force noise 0.1 N/√Hz", f"Fig. 6-16 (a): {lines} Hz one after the other (marks)")
+    _title(panels[0, 0], "Equal pitch", f"Fig. 6-16 (a): {lines} Hz one after the other (marks at the left)")
     for line in thesis.LINES_HZ:
         panels[0, 0].plot([-0.012, 0.0], [line, line], color=TWIN, linewidth=2.4, clip_on=False,
                           transform=panels[0, 0].get_yaxis_transform())  # fmt: skip
@@ -131,6 +132,12 @@ def pass_figure(chapter: Chapter6) -> Figure:
     _roots_of_pass(panels[0, 1], chapter)
     _roughness(panels[1, 1], chapter)
     return figure
+
+
+def _likeness(cut: OpenCut) -> tuple[int, int]:
+    """Return how many of the measured lines a cut shows, and how few others."""
+    shown = {line for line in thesis.LINES_HZ for plateau in cut.plateaus if abs(plateau.hz - line) < 10.0}
+    return len(shown), -len(cut.plateaus)
 
 
 def _spectrum_of_pass(axes: Axes, cut: OpenCut) -> None:
@@ -156,7 +163,7 @@ def _roots_of_pass(axes: Axes, chapter: Chapter6) -> None:
             axes.plot([plateau.start_mm, plateau.end_mm], [plateau.hz] * 2, color=TWIN, alpha=0.22, linewidth=3.0)
     places = [1e3 * at for at in thesis.LINES_AT_M]
     axes.plot(places, study.lines_hz(), "o", color=CONTROLLED, markerfacecolor="none", markeredgewidth=1.8, zorder=4)
-    axes.set(xlim=(-2.0, 68.0), ylim=(500.0, 710.0), ylabel="frequency (Hz)", xlabel="tools from the tip (mm)")
+    axes.set(xlim=(-2.0, 68.0), ylim=(480.0, 710.0), ylabel="frequency (Hz)", xlabel="tools from the tip (mm)")
 
 
 def _roughness(axes: Axes, chapter: Chapter6) -> None:
@@ -234,6 +241,7 @@ def phases_figure(chapter: Chapter6) -> Figure:
         one = cut.cuts[0]
         image = draw_spectrogram(axes, _picture(one.vibration_um, one.rate_hz), _SCALE_DB)
         axes.set_ylim(300, 1000)
+        axes.set_xticks([0, 5, 10, 15])
         _phase_title(axes, cut, letter)
     for axes in panels[:, 0]:
         axes.set_ylabel("frequency (Hz)")

@@ -30,8 +30,8 @@ class PhaseCut:
         Of Table 6-4.
     root
         Strongest over the pass: growth (1/s), angular frequency (rad/s).
-    softer, stiffer
-        The same with 5 % less and 5 % more cutting stiffness.
+    nearby
+        Growth (1/s) with 5 % less and 5 % more cutting stiffness, where the border is close; empty elsewhere.
     cuts
         One for each seed.
     peak_um
@@ -40,8 +40,7 @@ class PhaseCut:
 
     column: thesis.Phase
     root: complex
-    softer: complex
-    stiffer: complex
+    nearby: tuple[float, ...]
     cuts: tuple[OpenCut, ...]
     peak_um: float
 
@@ -69,17 +68,21 @@ def cut_phase(plant: PlantName, column: thesis.Phase, seed: int, seeds: int) -> 
     cuts = tuple(cut_open(case, seed + number, shift, LENGTH) for number in range(seeds))
     middle = case.settings.reference_chatter_hz
     envelope = vibration_envelope(cuts[0].vibration_um, cuts[0].rate_hz, (0.75 * middle, 1.25 * middle))
+    root = strongest_of_pass(case, shift, _PLACES)
     window = round(0.2 * cuts[0].rate_hz)
     parts = envelope[round(0.15 * cuts[0].rate_hz) :]
     parts = parts[: parts.size // window * window].reshape(-1, window)
     return PhaseCut(
         column=column,
-        root=strongest_of_pass(case, shift, _PLACES),
-        softer=strongest_of_pass(_with_stiffness(case, 0.95), shift, _PLACES),
-        stiffer=strongest_of_pass(_with_stiffness(case, 1.05), shift, _PLACES),
+        root=root,
+        nearby=_nearby(case, shift) if abs(root.real) < _BARELY else (),
         cuts=cuts,
         peak_um=float(np.median(parts, axis=1).max()),
     )
+
+
+def _nearby(case: Case, shift: float) -> tuple[float, ...]:
+    return tuple(strongest_of_pass(_with_stiffness(case, factor), shift, _PLACES).real for factor in (0.95, 1.05))
 
 
 def _with_stiffness(case: Case, factor: float) -> Case:
@@ -100,8 +103,8 @@ def _linear(cut: PhaseCut) -> Row:
     printed, growth = cut.column.chatter, cut.root.real
     agrees = (growth > 0.0) == printed
     why = f"the sign decides; strongest over 45 mm from the tip, at {hertz(cut.root):.0f} Hz"
-    if abs(growth) < _BARELY:
-        low, high = cut.softer.real, cut.stiffer.real
+    if cut.nearby:
+        low, high = cut.nearby
         why += f"; close to the border: {low:+.1f} with 5 % less cutting stiffness, {high:+.1f} with 5 % more"
     if not agrees and cut.column.phase_pi > 1.0:
         why += "; above pi the strongest root belongs to another family, which a thicker bar calms"

@@ -81,9 +81,9 @@ def study_sweep(plant: PlantName, seed: int) -> Sweep:
     inside = [slice(int(start), int(start) + cell) for start in starts]
     cell_shift = np.array([float(shift_deg[part].mean()) for part in inside])
     positions = np.array([float(block.tool_position[part].mean()) for part in inside])
-    grid = np.linspace(0.0, feed_speed(case) * (_HELD_S + SWEEP_S), 43)
+    grid = np.linspace(0.0, feed_speed(case) * (_HELD_S + SWEEP_S), 22)
     line = np.interp(positions, grid, [hertz(strongest_root(case, float(at), 0.0)) for at in grid])
-    fixed = np.linspace(0.0, SHIFT_DEG, 161)
+    fixed = np.linspace(0.0, SHIFT_DEG, 101)
     return Sweep(
         rate_hz=rate,
         shift_deg=shift_deg,
