@@ -94,7 +94,7 @@ def relation_figure(_: Chapter6) -> Figure:
         for frequency, style in ((thesis.NOMINAL_HZ, "-"), (thesis.LINES_HZ[-1], (0, (5, 2)))):
             phase = np.array([phase_pi(frequency, float(value), speed) for value in difference])
             axes.plot(difference, phase, color=colour, linestyle=style)
-        end = min(7.0, float(np.interp(1.85, phase, difference)))
+        end = min(7.0, 1.8 / phase_pi(thesis.NOMINAL_HZ, 1.0, speed))
         place = phase_pi(thesis.NOMINAL_HZ, end, speed)
         say(axes, end - 0.15, place + 0.05, f"{speed:g} min⁻¹", colour, ha="right")
     axes.plot([thesis.PITCH_DIFFERENCE_DEG], [1.0], "o", color=INK, markersize=6, zorder=4)
