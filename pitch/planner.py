@@ -87,7 +87,8 @@ class Planner:
         if previous is not None and seen.sample - previous > self._samples(self._config.persist_time):
             state.chatter_from = state.calm_from = None
         if _usable(seen.shift) and not (state.adopted and seen.armed):
-            state.target, state.adopted = self._clipped(_number(seen.shift)), True
+            known = seen.requested if seen.armed and _usable(seen.requested) else seen.shift
+            state.target, state.adopted = self._clipped(_number(known)), True
         if seen.moving:
             state.unsettled_at = seen.sample
         if not seen.valid:

@@ -48,6 +48,8 @@ class Situation:
         Diameter at the tool (m).
     shift : float or None
         Realised shift of turret 1 (rad).
+    requested : float or None
+        Target that the machine has accepted last (rad); a planner that comes in mid-run takes it over.
     in_cut : bool
         Whether the tools cut.
     valid : bool
@@ -69,6 +71,7 @@ class Situation:
     valid: bool = True
     moving: bool = False
     armed: bool = True
+    requested: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -49,6 +49,7 @@ class SampleBlock(Message, frozen=True, kw_only=True):
     y1_stage_position_m: Floats
     dx1_um: Floats
     dy1p_um: Floats
+    shift_requested_deg: float
     shift_applied_deg: float
     moving: bool
     in_cut: bool
@@ -115,6 +116,7 @@ class ChatterReport(Message, frozen=True, kw_only=True):
     in_cut: bool
     spindle_speed_rpm: float
     diameter_mm: float
+    shift_requested_deg: float
     shift_applied_deg: float
 
 

@@ -67,6 +67,7 @@ class ControllerNode:
             spindle_hz=report.spindle_speed_rpm / 60.0,
             diameter=report.diameter_mm * 1e-3,
             shift=math.radians(report.shift_applied_deg),
+            requested=math.radians(report.shift_requested_deg),
             in_cut=report.in_cut,
             valid=report.state not in ("gap", "invalid"),
             moving=report.moving,

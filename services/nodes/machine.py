@@ -148,6 +148,7 @@ class MachineNode:
             y1_stage_position_m=plant.y1_stage_position,
             dx1_um=plant.dx1 * 1e6,
             dy1p_um=plant.dy1p * 1e6,
+            shift_requested_deg=math.degrees(self._guard.requested),
             shift_applied_deg=math.degrees(plant.shift[-1]),
             moving=self._guard.moving,
             in_cut=bool(plant.in_cut.all()),

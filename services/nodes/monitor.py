@@ -147,6 +147,7 @@ class MonitorNode:
             in_cut=block.in_cut,
             spindle_speed_rpm=block.spindle_speed_rpm,
             diameter_mm=block.diameter_mm,
+            shift_requested_deg=block.shift_requested_deg,
             shift_applied_deg=block.shift_applied_deg,
         )
 

@@ -12,7 +12,9 @@ from pitch import OneModeProcess, roots
 from services.closed_loop import Loop, blocks_of, judge, run_case
 from services.config import load_case
 from services.messages import ChatterReport, Event, SampleBlock, TurretCommand
+from services.nodes.controller import ControllerNode
 from services.nodes.machine import make_plant
+from services.nodes.monitor import MonitorNode
 
 
 class CountingClock:
@@ -265,3 +267,29 @@ def test_a_job_may_want_the_turret_back_and_the_chatter_comes_back_with_it():
     rate = np.abs(np.diff(record.controlled.shift_applied_deg[360 * 90 :: 90])).max() / 0.01
     assert rate < 11.0, "not faster than the return speed, apart from the noise of the scale"
     assert record.controlled.vibration_um[-900:].std() > 10 * record.controlled.vibration_um[300 * 90 : 310 * 90].std()
+
+
+@pytest.mark.parametrize("at", [260, 400])
+def test_a_controller_started_afresh_takes_the_target_over(at):
+    case = load_case("thesis-652")
+    loop = Loop(case, 1, CountingClock())
+    for number in range(blocks_of(case)):
+        if number == at:
+            loop.wrap("controller", lambda _: ControllerNode(case, loop.controller._run))
+        loop.step(number)
+    told = {command.shift_deg for command in loop.tape.of(TurretCommand) if command.sequence > at}
+    before = [command.shift_deg for command in loop.tape.of(TurretCommand) if command.sequence < at][-1]
+    assert max(abs(shift - before) for shift in told) < 1e-9
+    assert not [event for event in loop.tape.of(Event) if event.kind == "command_rejected"]
+
+
+@pytest.mark.parametrize("at", [260, 320, 450])
+def test_a_monitor_started_afresh_in_mid_cut_does_not_cry_wolf(at):
+    case = load_case("thesis-652")
+    for seed in (1, 2):
+        loop = Loop(case, seed, CountingClock())
+        for number in range(blocks_of(case)):
+            if number == at:
+                loop.wrap("monitor", lambda _: MonitorNode(case, ""))
+            loop.step(number)
+        assert len([event for event in loop.tape.of(Event) if event.source == "controller"]) == 1

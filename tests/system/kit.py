@@ -208,7 +208,8 @@ def block(number, *, run="run-1", samples=90, **changes):
     names = ("x1_thrust_n", "x1_motor_position_m", "x1_stage_position_m", "y1_thrust_n", "y1_motor_position_m",
              "y1_stage_position_m", "dx1_um", "dy1p_um")  # fmt: skip
     plain = {
-        "first_sample": number * samples, "sample_rate_hz": 9000.0, "shift_applied_deg": 0.0, "moving": False,
+        "first_sample": number * samples, "sample_rate_hz": 9000.0, "shift_applied_deg": 0.0,
+        "shift_requested_deg": 0.0, "moving": False,
         "in_cut": True, "spindle_speed_rpm": 1200.0, "diameter_mm": 25.0, "guard_state": "ACTIVE", "session": "s",
     }  # fmt: skip
     return SampleBlock(run=run, source="machine", sequence=number, **dict.fromkeys(names, values), **(plain | changes))
