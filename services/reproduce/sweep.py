@@ -116,6 +116,7 @@ def _quiet_places(sweep: Sweep) -> list[Row]:
         shift, phase, _ = found
         why = f"a third of the way to the next even phase; at {shift:.1f} deg, of the line that equal pitch has there"
         rows.append(near("Fig. 6-18", what, float(odd), phase, "pi", within=0.35, why=why))
+        rows.append(_quiet_angle(sweep, odd, shift))
         loud = sweep.loudest(odd - 1)
         ratio = found[2] / loud if loud else math.nan
         rows.append(
@@ -123,6 +124,21 @@ def _quiet_places(sweep: Sweep) -> list[Row]:
                  why="a third is 10 dB, what a spectrogram shows plainly")
         )  # fmt: skip
     return rows
+
+
+def _quiet_angle(sweep: Sweep, odd: int, shift: float) -> Row:
+    printed = thesis.ODD_HALF_ANGLES_DEG.get(odd, thesis.PITCH_DIFFERENCE_DEG / 2.0)
+    loudness = float(np.interp(printed, sweep.cell_shift_deg, sweep.cell_um))
+    place = float(np.interp(shift, sweep.shift_deg, sweep.position_mm))
+    why = "about half the width of the first quiet stretch; the print has the angle for 652 Hz"
+    otherwise = (
+        f"At the printed angle the simulated sweep still shakes {loudness:.0f} um: the tools cut on meanwhile (to "
+        f"{place:.0f} mm here), so the frequency has fallen and the angle grown. How far they had come is not printed"
+    )
+    return near(
+        "section 6.5.2, Fig. 6-18", f"half angle where the simulated sweep is quiet near {odd} pi", printed, shift,
+        "deg", within=0.75, why=why, otherwise=otherwise,
+    )  # fmt: skip
 
 
 def growth_near(sweep: Sweep, odd: int) -> tuple[float, float]:
