@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -113,7 +113,13 @@ def whole_blocks(tape: Tape) -> Tape:
     for kind, said in zip(_EACH_TURN, turns, strict=True):
         messages[kind] = [said[number] for number in kept]
     lost = kept[-1] - kept[0] + 1 - len(kept) if kept else 0
-    return replace(tape, messages=messages, blocks_lost=max(tape.blocks_lost, lost))
+    return Tape(
+        messages=messages,
+        log=tape.log,
+        latency_ms=tape.latency_ms,
+        wall_s=tape.wall_s,
+        blocks_lost=max(tape.blocks_lost, lost),
+    )
 
 
 def open_loop(case: Case, plant: Simulator, samples: int, shift: float = 0.0) -> PlantBlock:

@@ -1,5 +1,8 @@
 """Shared by all tests: repeatable hypothesis runs, and floating-point errors that do not pass in silence."""
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads only wait for each other
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
