@@ -68,8 +68,8 @@ class ReportSeries:
 class RunRecord:
     """A closed-loop run and its uncontrolled twin (the same seed, never moved).
 
-    `roughness` of a stretch of either cut is asked from the simulators while the run is evaluated, so it arrives
-    here as numbers: `ra_before_um` (twin after onset) and `ra_after_um` (controlled, after suppression).
+    `chatter_band_hz` is where vibration is judged, `search_band_hz` where the monitor looks for chatter;
+    `guard_limits` are all limits of the guard in words.
     """
 
     case: str
@@ -80,8 +80,10 @@ class RunRecord:
     feed_mm_per_rev: float
     diameter_mm: float
     chatter_band_hz: tuple[float, float]
+    search_band_hz: tuple[float, float]
     threshold_um: float
     shift_limit_deg: float
+    guard_limits: tuple[str, ...]
     controlled: CutSeries
     twin: CutSeries
     reports: ReportSeries

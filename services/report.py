@@ -236,7 +236,7 @@ def _events(record: RunRecord) -> str:
 
 
 def _limits(record: RunRecord, summary: Summary) -> str:
-    low, high = record.chatter_band_hz
+    low, high = record.search_band_hz
     last = record.reports.limit[-1] if record.reports.limit.size else None
     rows = [
         ("Shift of turret 1", f"±{number(record.shift_limit_deg, 2, '°')}", "checked by the guard of the machine"),
@@ -247,7 +247,10 @@ def _limits(record: RunRecord, summary: Summary) -> str:
         ("Spindle speed", f"{record.spindle_speed_rpm:g} min⁻¹", f"feed {record.feed_mm_per_rev:g} mm per revolution"),
         ("Bar diameter", number(record.diameter_mm, 2, "mm"), "at the tools"),
     ]  # fmt: skip
-    return f'<div class="card">{_table(("Limit", "Value", "Meaning"), rows, ("", "value", "note"))}</div>'
+    guard = [tuple(line.split(" = ", 1)) for line in record.guard_limits]
+    every = _table(("Limit of the guard", "Value"), guard, ("", "value"))
+    shown = _table(("Limit", "Value", "Meaning"), rows, ("", "value", "note"))
+    return f'<div class="card">{shown}</div><details><summary>All limits of the guard</summary>{every}</details>'
 
 
 def _configuration(record: RunRecord) -> str:

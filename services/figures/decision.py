@@ -101,7 +101,7 @@ def _draw_states(axes: Axes, view: View, window_s: tuple[float, float]) -> None:
 
 
 def _draw_frequency(axes: Axes, view: View) -> None:
-    low, high = view.record.chatter_band_hz
+    low, high = view.record.search_band_hz
     axes.axhspan(low, high, color="#eef3f7", linewidth=0)
     axes.set_ylim(low - 0.15 * (high - low), high + 0.15 * (high - low))
     told = view.record.reports.frequency_hz

@@ -58,7 +58,7 @@ def top_frequency(view: View) -> float:
 
 
 def _draw_band(axes: Axes, view: View) -> None:
-    low, high = view.record.chatter_band_hz
+    low, high = view.record.search_band_hz
     for edge in (low, high):
         axes.axhline(edge, color=INK, linewidth=0.8, linestyle=(0, (4, 3)), alpha=0.55)
     say(axes, view.window_s[0] + 0.012 * np.ptp(view.window_s), high, f"searched: {low:.0f} to {high:.0f} Hz", INK,
