@@ -71,7 +71,8 @@ def sample_block(number: int) -> SampleBlock:
     signals: dict[str, Any] = {name: rng.standard_normal(90) for name in names}
     return SampleBlock(
         run="bench", source="bench", sequence=number, first_sample=90 * number, sample_rate_hz=9000.0,
-        shift_applied_deg=0.0, moving=False, in_cut=True, spindle_speed_rpm=1200.0, diameter_mm=25.0,
+        shift_requested_deg=0.0, shift_applied_deg=0.0, moving=False, in_cut=True, spindle_speed_rpm=1200.0,
+        diameter_mm=25.0,
         guard_state="OFF", session="", **signals,
     )  # fmt: skip
 
@@ -240,7 +241,8 @@ def _sizes() -> tuple[int, int, int]:
         **header, first_sample=90_000, samples=90, guard_state="ACTIVE", session="x" * 16, state="chatter",
         indicator=1.23456789012345, limit=1.23456789012345, limit_source="configured", frequency_hz=651.123456789012,
         amplitude_n=1.23456789012345, kind="regenerative", confidence=0.987654321098765, gap_samples=0, moving=False,
-        in_cut=True, spindle_speed_rpm=1200.0, diameter_mm=25.0, shift_applied_deg=2.76543210987654,
+        in_cut=True, spindle_speed_rpm=1200.0, diameter_mm=25.0, shift_requested_deg=2.76543210987654,
+        shift_applied_deg=2.76543210987654,
     )  # fmt: skip
     command = TurretCommand(
         **header, session="x" * 16, shift_deg=2.76543210987654, order=0, action="hold", issued_sample=90_090,
