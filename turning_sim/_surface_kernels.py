@@ -1,0 +1,199 @@
+"""Compiled surface map: columns of heights along the bar, one for each step of each tool, cut by the tools' profiles.
+
+Symbols, all SI:
+
+======  =============================================================  =========
+symbol  meaning                                                        origin
+======  =============================================================  =========
+y       height of the surface above the nominal finished one (m)       model, 5
+z       distance from the tip of the tool, towards the chuck (m)       model, 5
+p       how much deeper than nominal a tool stands (m)                 model, 4
+A, b    chip area (m2) and engaged edge length (m)                     model, 4
+psi     thrust direction, normal to the chord of the engaged edge      model, 4
+he      mean chip thickness A/b (m)                                    model, 4
+======  =============================================================  =========
+
+Cell `j` of a column lies at the helix that its tool would follow without a shift, plus a fixed distance. Half a turn is
+then a whole number of cells for every shift and speed, so the grid never slides under a tool: a grid fixed on the bar
+would, at 3 mm/s and 5 um, shake the force at 600 Hz.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+REFERENCE_THICKNESS = 33e-6
+AREA, EDGE, FIRST, LAST = 0, 1, 2, 3
+
+
+class Map(NamedTuple):
+    """The numbers of the map and of the force law, in SI units."""
+
+    dz: float
+    half_feed: int
+    tip: int
+    depth: float
+    radius: float
+    turn_over: float
+    thrust: float
+    tangential: float
+    thrust_exponent: float
+    tangential_exponent: float
+    reference_edge: float
+    live: bool
+    steady_cos: float
+
+
+@njit(cache=True, fastmath=False)
+def tool_profile(grid, offset, height, edge):
+    """Fill the height of the edge above its tip and the length of edge in each cell; `offset` moves the tool (m)."""
+    end = grid.radius * math.sin(grid.turn_over)
+    slope = math.tan(grid.turn_over)
+    for j in range(height.size):
+        z = (j - grid.tip) * grid.dz - offset
+        inside = min(max(z, -end), end)
+        arc = grid.radius - math.sqrt(grid.radius * grid.radius - inside * inside)
+        height[j] = arc + abs(z - inside) * slope
+    for j in range(edge.size):
+        edge[j] = math.hypot(grid.dz, height[j + 1] - height[j])
+
+
+@njit(cache=True, fastmath=False)
+def find(phase, ptr, target, weight):
+    """Return where a history passes a phase and fill the weights of the four columns about it (Lagrange)."""
+    mask = phase.size - 1
+    while phase[(ptr + 1) & mask] <= target:
+        ptr += 1
+    while phase[ptr & mask] > target:
+        ptr -= 1
+    a, b = phase[(ptr - 1) & mask], phase[ptr & mask]
+    c, d = phase[(ptr + 1) & mask], phase[(ptr + 2) & mask]
+    ta, tb, tc, td = target - a, target - b, target - c, target - d
+    ab, ac, ad, bc, bd, cd = a - b, a - c, a - d, b - c, b - d, c - d
+    weight[0] = tb * tc * td / (ab * ac * ad)
+    weight[1] = -ta * tc * td / (ab * bc * bd)
+    weight[2] = ta * tb * td / (ac * bc * cd)
+    weight[3] = -ta * tb * tc / (ad * bd * cd)
+    return ptr
+
+
+@njit(cache=True, fastmath=False)
+def meet(grid, columns, ptr, weight, old):
+    """Fill the surface that a tool meets: what the other left half a turn before, half a feed further back."""
+    mask = columns.shape[0] - 1
+    a, b = columns[(ptr - 1) & mask], columns[ptr & mask]
+    c, d = columns[(ptr + 1) & mask], columns[(ptr + 2) & mask]
+    wa, wb, wc, wd = weight[0], weight[1], weight[2], weight[3]
+    shift, count = grid.half_feed, old.size - grid.half_feed
+    for j in range(count):
+        i = j + shift
+        old[j] = (wa * a[i] + wb * b[i]) + (wc * c[i] + wd * d[i])
+    for j in range(count, old.size):
+        old[j] = grid.depth
+
+
+@njit(cache=True, fastmath=False)
+def gap(old, height, chip, kink):
+    """Fill how far the surface stands above the edge at nominal depth, and the chip area that its kinks add (cells).
+
+    Two passes meet in an edge that points outwards. The straight line between two cells cuts it off; both sides continued
+    give its area back, without which the chip would answer to the earlier pass 0.7 % too strongly or too weakly.
+    """
+    for j in range(old.size):
+        chip[j] = old[j] - height[j]
+        kink[j] = 0.0
+    for j in range(1, old.size - 2):
+        left, middle, right = old[j] - old[j - 1], old[j + 1] - old[j], old[j + 2] - old[j + 1]
+        if left > middle and middle > right:
+            kink[j] = 0.5 * (left - middle) * (middle - right) / (left - right)
+
+
+@njit(cache=True, fastmath=False)
+def engaged(grid, chip, kink, edge, p, out):
+    """Fill chip area, engaged edge and its first and last place (cells) for a tool `p` deeper than nominal."""
+    area, length, first, last = 0.0, 0.0, -1.0, -1.0
+    here = chip[0] + p
+    if here > 0.0:
+        first = 0.0
+    for j in range(edge.size):
+        there = chip[j + 1] + p
+        if here > 0.0:
+            if there > 0.0:
+                area += 0.5 * (here + there) + kink[j]
+                length += edge[j]
+                last = j + 1.0
+            else:
+                part = here / (here - there)
+                area += 0.5 * here * part
+                length += edge[j] * part
+                last = j + part
+        elif there > 0.0:
+            part = there / (there - here)
+            area += 0.5 * there * part
+            length += edge[j] * part
+            if first < 0.0:
+                first = j + 1.0 - part
+            last = j + 1.0
+        here = there
+    out[AREA], out[EDGE], out[FIRST], out[LAST] = area * grid.dz, length, first, last
+
+
+@njit(cache=True, fastmath=False, forceinline=True)
+def height_at(height, place):
+    """Return the height of the edge at a place between cells."""
+    j = min(int(place), height.size - 2)
+    return height[j] + (place - j) * (height[j + 1] - height[j])
+
+
+@njit(cache=True, fastmath=False)
+def chip_forces(grid, height, chip):
+    """Return the radial and the tangential force of a chip as `engaged` leaves it."""
+    if chip[AREA] <= 0.0 or chip[EDGE] <= 0.0:
+        return 0.0, 0.0
+    direction = grid.steady_cos
+    if grid.live:
+        along = (chip[LAST] - chip[FIRST]) * grid.dz
+        direction = along / math.hypot(along, height_at(height, chip[LAST]) - height_at(height, chip[FIRST]))
+    ratio = math.log(chip[AREA] / (chip[EDGE] * REFERENCE_THICKNESS))
+    radial = grid.thrust * chip[AREA] * math.exp(-grid.thrust_exponent * ratio) * direction
+    return radial, grid.tangential * chip[AREA] * math.exp(-grid.tangential_exponent * ratio)
+
+
+@njit(cache=True, fastmath=False)
+def leave(old, height, p, cuts, rest, column):
+    """Write what a tool leaves: the lower of the surface and its edge; in air, what it shall find on entry."""
+    if cuts:
+        for j in range(old.size):
+            column[j] = min(old[j], height[j] - p)
+    else:
+        column[:] = rest
+
+
+@njit(cache=True, fastmath=False)
+def steady_columns(grid, phase, depths, first_pass, columns):
+    """Fill columns as if both tools had always stood at `depths[pass, step]` (m) deeper than nominal.
+
+    Parameters
+    ----------
+    grid : Map
+        The map.
+    phase : ndarray
+        Only for its length.
+    depths : ndarray
+        Depth of each pass, the newest first, at each step (m), shape (passes, n).
+    first_pass : ndarray
+        Distance of the tool from its cells in each pass (m), shape (passes,).
+    columns : ndarray
+        Shape (n, cells).
+    """
+    height, edge = np.empty(columns.shape[1]), np.empty(columns.shape[1] - 1)
+    columns[:, :] = grid.depth
+    for k in range(depths.shape[0]):
+        tool_profile(grid, first_pass[k] - k * grid.half_feed * grid.dz, height, edge)
+        for n in range(phase.size):
+            for j in range(height.size):
+                columns[n, j] = min(columns[n, j], height[j] - depths[k, n])
