@@ -9,7 +9,8 @@ x, y    displacement of the bar at the tools, along -X1 and along +Y1' (m)     m
 e, w    radial direction and surface velocity at a tool, in x and y            model, 4
 ======  =====================================================================  =========
 
-Tool 1 sits at the shift h: e_1 = (cos h, sin h), w_1 = (-sin h, cos h). Tool 2 never moves: e_2 = (-1, 0), w_2 = (0, -1).
+Tool 1 sits at the shift h: e_1 = (cos h, sin h), w_1 = (-sin h, cos h). Tool 2 never moves: e_2 = (-1, 0),
+w_2 = (0, -1).
 """
 
 from __future__ import annotations
@@ -100,13 +101,13 @@ def linear_cut(plant, chip, velocity, rise, noise, limit):
 
 
 @njit(cache=True, fastmath=False)
-def surface_cut(plant, grid, height, edge, chip, kink, p, velocity, rise, noise, limit, out):
+def surface_cut(plant, grid, tool, chip, extra, p, velocity, rise, noise, limit, out):
     """Return the radial and the tangential force of a tool on the surface that it meets."""
-    surface.engaged(grid, chip, kink, edge, p, out)
-    radial, along = surface.chip_forces(grid, height, out)
+    surface.engaged(grid, tool, chip, extra, p, out)
+    radial, along = surface.chip_forces(grid, tool, out)
     if along == 0.0:
         return 0.0, 0.0
-    damping = plant.cp * out[surface.EDGE] / grid.reference_edge
+    damping = plant.cp * out[surface.LENGTH] / grid.reference_edge
     radial = rise * radial + damping * (velocity + plant.flank_factor * max(velocity - limit, 0.0))
     return max(radial, 0.0) + noise, rise * along
 
@@ -123,10 +124,9 @@ def push_drives(plant, drive, z, new, ring, n, qx, qy, f):
 
 
 @njit(cache=True, fastmath=False)
-def look_back(grid, mapped, phase, left, columns, k, u1, u2, edges, gaps):
+def look_back(grid, mapped, phase, left, columns, k, u1, u2, tool, weight, met):
     """Fill what both tools meet; return the depths left there (linear cut only)."""
-    height, edge, weight, old = edges
-    chip, kink = gaps
+    old, chip, extra = met
     if not mapped:
         r1, k[READ1] = read_surface(phase[0], left[0], k[READ1], u2 - math.pi)
         r2, k[READ2] = read_surface(phase[1], left[1], k[READ2], u1 - math.pi)
@@ -136,19 +136,18 @@ def look_back(grid, mapped, phase, left, columns, k, u1, u2, edges, gaps):
     k[READ2] = surface.find(phase[1], k[READ2], u1 - math.pi, weight)
     surface.meet(grid, columns[1], k[READ2], weight, old[0])
     for i in range(2):
-        surface.gap(old[i], height[i], chip[i], kink[i])
+        surface.gap(old[i], tool[i], chip[i], extra[i])
     return 0.0, 0.0
 
 
 @njit(cache=True, fastmath=False)
 def steps(
-    plant, grid, mapped, omega, ux, uy, noise, in_cut, drive, phi, step, load, free, new, edges, gaps, z, bar, ring,
+    plant, grid, mapped, omega, ux, uy, noise, in_cut, drive, phi, step, load, free, new, tool, met, z, bar, ring,
     phase, left, columns, rest, f, k,
 ):  # fmt: skip
     """Advance everything by one servo sample; the thrust commands are held over it."""
-    height, edge, _, old = edges
-    chip, kink = gaps
-    out, h0, mask = np.empty(4), plant.force / plant.stiffness, phase.shape[1] - 1
+    old, chip, extra = met
+    out, weight, h0, mask = np.empty(4), np.empty(4), plant.force / plant.stiffness, phase.shape[1] - 1
     limit = omega * plant.radius * plant.tan_clearance
     for j in range(plant.substeps):
         n = k[STEP]
@@ -156,7 +155,7 @@ def steps(
         shift, c, s, deeper, rate = place_tool(plant, z[2], z[3], z[7], z[8])
         f[THETA] += omega * plant.h
         u1, u2 = f[THETA] - shift, f[THETA]
-        r1, r2 = look_back(grid, mapped, phase, left, columns, k, u1, u2, edges, gaps)
+        r1, r2 = look_back(grid, mapped, phase, left, columns, k, u1, u2, tool, weight, met)
         rise = 1.0 + plant.rake * shift
         noise1, noise2 = plant.noise * noise[j, 0], plant.noise * noise[j, 1]
         unforced(step, load, bar, f[FX], f[FY], free)
@@ -165,12 +164,8 @@ def steps(
             x, vx, y, vy = at_tools(phi, step, load, free, fx, fy)
             p1, p2, v1 = c * x + s * y + deeper, plant.setting - x, c * vx + s * vy + rate
             if in_cut and mapped:
-                fr1, ft1 = surface_cut(
-                    plant, grid, height[0], edge[0], chip[0], kink[0], p1, v1, rise, noise1, limit, out
-                )
-                fr2, ft2 = surface_cut(
-                    plant, grid, height[1], edge[1], chip[1], kink[1], p2, -vx, 1.0, noise2, limit, out
-                )
+                fr1, ft1 = surface_cut(plant, grid, tool[0], chip[0], extra[0], p1, v1, rise, noise1, limit, out)
+                fr2, ft2 = surface_cut(plant, grid, tool[1], chip[1], extra[1], p2, -vx, 1.0, noise2, limit, out)
             elif in_cut:
                 fr1, ft1 = linear_cut(plant, h0 + p1 - plant.mu * r2, v1, rise, noise1, limit)
                 fr2, ft2 = linear_cut(plant, h0 + p2 - plant.mu * r1, -vx, 1.0, noise2, limit)
@@ -183,8 +178,8 @@ def steps(
         slot = n & mask
         phase[0, slot], phase[1, slot] = u1, u2
         if mapped:
-            surface.leave(old[0], height[0], p1, in_cut, rest[0], columns[0, slot])
-            surface.leave(old[1], height[1], p2, in_cut, rest[1], columns[1, slot])
+            surface.leave(old[0], tool[0], p1, in_cut, rest[0], columns[0, slot])
+            surface.leave(old[1], tool[1], p2, in_cut, rest[1], columns[1, slot])
             left[0, slot], left[1, slot] = p1, p2
         else:
             left[0, slot] = plant.mu * r2 + max(h0 + p1 - plant.mu * r2, 0.0) - h0 if in_cut else 0.0
@@ -229,10 +224,9 @@ def advance(
     modes, cells, mask = bar.shape[0], columns.shape[2], phase.shape[1] - 1
     step, free, load, phi = np.empty((modes, 2, 4)), np.empty((modes, 4)), np.empty(modes), np.empty(modes)
     new = np.empty(drive.shape[1])
-    edges = np.zeros((2, cells)), np.zeros((2, max(cells - 1, 0))), np.zeros(4), np.zeros((2, cells))
-    gaps = np.zeros((2, cells)), np.zeros((2, cells))
+    tool, met = np.zeros((2, 4, cells)), (np.zeros((2, cells)), np.zeros((2, cells)), np.zeros((2, cells)))
     if mapped:
-        surface.tool_profile(grid, 0.0, edges[0][1], edges[1][1])
+        surface.tool_profile(grid, 0.0, tool[1])
     for i in range(refs.shape[1]):
         n = k[STEP]
         remember(ring, n, 0.0, 0.0, z)
@@ -244,11 +238,11 @@ def advance(
         last = (n - 1) & mask
         shift = truth(plant, z, bar, phi, f, s, in_cut, phase, left, last, out, i)
         if mapped:
-            surface.tool_profile(grid, plant.feed * shift / (2.0 * math.pi), edges[0][0], edges[1][0])
+            surface.tool_profile(grid, plant.feed * shift / (2.0 * math.pi), tool[0])
             tails[i] = columns[1, last, : tails.shape[1]]
         drawn = noise[i * plant.substeps : (i + 1) * plant.substeps]
         steps(
-            plant, grid, mapped, omega[i], ux, uy, drawn, in_cut, drive, phi, step, load, free, new, edges, gaps, z,
+            plant, grid, mapped, omega[i], ux, uy, drawn, in_cut, drive, phi, step, load, free, new, tool, met, z,
             bar, ring, phase, left, columns, rest, f, k,
         )  # fmt: skip
         for m in range(modes):

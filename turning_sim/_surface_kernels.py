@@ -27,7 +27,8 @@ import numpy as np
 from numba import njit
 
 REFERENCE_THICKNESS = 33e-6
-AREA, EDGE, FIRST, LAST = 0, 1, 2, 3
+AREA, LENGTH, FIRST, LAST = 0, 1, 2, 3
+HEIGHT, EDGE, BEND, SKEW = 0, 1, 2, 3
 
 
 class Map(NamedTuple):
@@ -49,17 +50,26 @@ class Map(NamedTuple):
 
 
 @njit(cache=True, fastmath=False)
-def tool_profile(grid, offset, height, edge):
-    """Fill the height of the edge above its tip and the length of edge in each cell; `offset` moves the tool (m)."""
+def tool_profile(grid, offset, tool):
+    """Fill the profile of a tool; `offset` moves it (m).
+
+    Rows: height of the edge above its tip; length of edge in each cell, between this height and the next; how much the
+    slopes of height and of length change over the cell.
+    """
     end = grid.radius * math.sin(grid.turn_over)
     slope = math.tan(grid.turn_over)
-    for j in range(height.size):
+    height, edge, last = tool[HEIGHT], tool[EDGE], tool.shape[1] - 1
+    for j in range(last + 1):
         z = (j - grid.tip) * grid.dz - offset
         inside = min(max(z, -end), end)
         arc = grid.radius - math.sqrt(grid.radius * grid.radius - inside * inside)
         height[j] = arc + abs(z - inside) * slope
-    for j in range(edge.size):
+    for j in range(last):
         edge[j] = math.hypot(grid.dz, height[j + 1] - height[j])
+    tool[BEND:, :] = 0.0
+    for j in range(1, last - 1):
+        tool[BEND, j] = 0.5 * (height[j + 2] - height[j + 1] - height[j] + height[j - 1])
+        tool[SKEW, j] = 0.5 * (edge[j + 1] - edge[j - 1])
 
 
 @njit(cache=True, fastmath=False)
@@ -97,78 +107,94 @@ def meet(grid, columns, ptr, weight, old):
 
 
 @njit(cache=True, fastmath=False)
-def gap(old, height, chip, kink):
-    """Fill how far the surface stands above the edge at nominal depth, and the chip area that its kinks add (cells).
+def gap(old, tool, chip, extra):
+    """Fill how far the surface stands above the edge at nominal depth, and the area over straight cells (cells).
 
-    Two passes meet in an edge that points outwards. The straight line between two cells cuts it off; both sides continued
-    give its area back, without which the chip would answer to the earlier pass 0.7 % too strongly or too weakly.
+    Two passes meet in an edge that points outwards. The straight line between two cells cuts it off; both sides
+    continued give its area back, without which the chip would answer to the earlier pass 0.7 % too strongly or weakly.
     """
     for j in range(old.size):
-        chip[j] = old[j] - height[j]
-        kink[j] = 0.0
+        chip[j] = old[j] - tool[HEIGHT, j]
+        extra[j] = tool[BEND, j] / 12.0
     for j in range(1, old.size - 2):
         left, middle, right = old[j] - old[j - 1], old[j + 1] - old[j], old[j + 2] - old[j + 1]
         if left > middle and middle > right:
-            kink[j] = 0.5 * (left - middle) * (middle - right) / (left - right)
-
-
-@njit(cache=True, fastmath=False)
-def engaged(grid, chip, kink, edge, p, out):
-    """Fill chip area, engaged edge and its first and last place (cells) for a tool `p` deeper than nominal."""
-    area, length, first, last = 0.0, 0.0, -1.0, -1.0
-    here = chip[0] + p
-    if here > 0.0:
-        first = 0.0
-    for j in range(edge.size):
-        there = chip[j + 1] + p
-        if here > 0.0:
-            if there > 0.0:
-                area += 0.5 * (here + there) + kink[j]
-                length += edge[j]
-                last = j + 1.0
-            else:
-                part = here / (here - there)
-                area += 0.5 * here * part
-                length += edge[j] * part
-                last = j + part
-        elif there > 0.0:
-            part = there / (there - here)
-            area += 0.5 * there * part
-            length += edge[j] * part
-            if first < 0.0:
-                first = j + 1.0 - part
-            last = j + 1.0
-        here = there
-    out[AREA], out[EDGE], out[FIRST], out[LAST] = area * grid.dz, length, first, last
+            extra[j] += 0.5 * (left - middle) * (middle - right) / (left - right)
 
 
 @njit(cache=True, fastmath=False, forceinline=True)
-def height_at(height, place):
-    """Return the height of the edge at a place between cells."""
-    j = min(int(place), height.size - 2)
-    return height[j] + (place - j) * (height[j + 1] - height[j])
+def curved(start, end, bend, t):
+    """Return a quantity within a cell whose slope changes by `bend` over it."""
+    return start + t * (end - start) - 0.5 * t * (1.0 - t) * bend
+
+
+@njit(cache=True, fastmath=False, forceinline=True)
+def leaving(here, there, bend):
+    """Return where in a cell the edge, curved, comes out of a surface, straight."""
+    t = here / (here - there)
+    slope = there - here + 0.5 * (1.0 - 2.0 * t) * bend
+    if slope >= 0.0:
+        return t
+    return min(max(t - 0.5 * t * (1.0 - t) * bend / slope, 0.0), 1.0)
 
 
 @njit(cache=True, fastmath=False)
-def chip_forces(grid, height, chip):
+def engaged(grid, tool, chip, extra, p, out):
+    """Fill chip area, engaged edge and its first and last place (cells) for a tool `p` deeper than nominal."""
+    edge, area, length, first, last = tool[EDGE], 0.0, 0.0, -1.0, -1.0
+    here = chip[0] + p
+    if here > 0.0:
+        first = 0.0
+    for j in range(chip.size - 1):
+        there = chip[j + 1] + p
+        if here > 0.0 and there > 0.0:
+            area += 0.5 * (here + there) + extra[j]
+            length += edge[j]
+            last = j + 1.0
+        elif here > 0.0:
+            bend = tool[BEND, j]
+            t = leaving(here, there, bend)
+            area += t * (here + 0.5 * t * (there - here)) + bend * t * t * (0.25 - t / 6.0)
+            length += curved(0.0, edge[j], tool[SKEW, j], t)
+            last = j + t
+        elif there > 0.0:
+            t = here / (here - there)
+            area += 0.5 * there * (1.0 - t)
+            length += edge[j] - curved(0.0, edge[j], tool[SKEW, j], t)
+            last = j + 1.0
+            if first < 0.0:
+                first = j + t
+        here = there
+    out[AREA], out[LENGTH], out[FIRST], out[LAST] = area * grid.dz, length, first, last
+
+
+@njit(cache=True, fastmath=False, forceinline=True)
+def height_at(tool, place):
+    """Return the height of the edge at a place between cells."""
+    j = min(int(place), tool.shape[1] - 2)
+    return curved(tool[HEIGHT, j], tool[HEIGHT, j + 1], tool[BEND, j], place - j)
+
+
+@njit(cache=True, fastmath=False)
+def chip_forces(grid, tool, chip):
     """Return the radial and the tangential force of a chip as `engaged` leaves it."""
-    if chip[AREA] <= 0.0 or chip[EDGE] <= 0.0:
+    if chip[AREA] <= 0.0 or chip[LENGTH] <= 0.0:
         return 0.0, 0.0
     direction = grid.steady_cos
     if grid.live:
         along = (chip[LAST] - chip[FIRST]) * grid.dz
-        direction = along / math.hypot(along, height_at(height, chip[LAST]) - height_at(height, chip[FIRST]))
-    ratio = math.log(chip[AREA] / (chip[EDGE] * REFERENCE_THICKNESS))
+        direction = along / math.hypot(along, height_at(tool, chip[LAST]) - height_at(tool, chip[FIRST]))
+    ratio = math.log(chip[AREA] / (chip[LENGTH] * REFERENCE_THICKNESS))
     radial = grid.thrust * chip[AREA] * math.exp(-grid.thrust_exponent * ratio) * direction
     return radial, grid.tangential * chip[AREA] * math.exp(-grid.tangential_exponent * ratio)
 
 
 @njit(cache=True, fastmath=False)
-def leave(old, height, p, cuts, rest, column):
+def leave(old, tool, p, cuts, rest, column):
     """Write what a tool leaves: the lower of the surface and its edge; in air, what it shall find on entry."""
     if cuts:
         for j in range(old.size):
-            column[j] = min(old[j], height[j] - p)
+            column[j] = min(old[j], tool[HEIGHT, j] - p)
     else:
         column[:] = rest
 
@@ -190,10 +216,10 @@ def steady_columns(grid, phase, depths, first_pass, columns):
     columns : ndarray
         Shape (n, cells).
     """
-    height, edge = np.empty(columns.shape[1]), np.empty(columns.shape[1] - 1)
+    tool = np.empty((4, columns.shape[1]))
     columns[:, :] = grid.depth
     for k in range(depths.shape[0]):
-        tool_profile(grid, first_pass[k] - k * grid.half_feed * grid.dz, height, edge)
+        tool_profile(grid, first_pass[k] - k * grid.half_feed * grid.dz, tool)
         for n in range(phase.size):
-            for j in range(height.size):
-                columns[n, j] = min(columns[n, j], height[j] - depths[k, n])
+            for j in range(columns.shape[1]):
+                columns[n, j] = min(columns[n, j], tool[HEIGHT, j] - depths[k, n])

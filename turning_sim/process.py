@@ -46,7 +46,9 @@ class ProcessModel:
         require(self.cut in ("linear", "surface"), "cut", "linear or surface", self.cut)
         require(self.directions in (1, 2), "directions", "1 or 2", self.directions)
         require(self.cut == "linear" or self.directions == 2, "directions", "2 with the surface map", self.directions)
-        require(self.thrust_direction in ("live", "steady"), "thrust_direction", "live or steady", self.thrust_direction)
+        require(
+            self.thrust_direction in ("live", "steady"), "thrust_direction", "live or steady", self.thrust_direction
+        )
         require(0.1e-6 <= self.cell <= 10e-6, "cell", "in 0.1e-6...10e-6", self.cell)
 
 
@@ -147,12 +149,11 @@ def _answer(grid: kernels.Map, now: float, before: float) -> tuple[float, float,
     depths[0] = before
     left = columns_of(grid, depths)[0]
     old = np.concatenate([left[grid.half_feed :], np.full(grid.half_feed, grid.depth)])
-    height, edge, gap, kink = np.empty(old.size), np.empty(old.size - 1), np.empty(old.size), np.empty(old.size)
-    out = np.empty(4)
-    kernels.tool_profile(grid, 0.0, height, edge)
-    kernels.gap(old, height, gap, kink)
-    kernels.engaged(grid, gap, kink, edge, now, out)
-    radial, tangential = kernels.chip_forces(grid, height, out)
+    tool, gap, extra, out = np.empty((4, old.size)), np.empty(old.size), np.empty(old.size), np.empty(4)
+    kernels.tool_profile(grid, 0.0, tool)
+    kernels.gap(old, tool, gap, extra)
+    kernels.engaged(grid, tool, gap, extra, now, out)
+    radial, tangential = kernels.chip_forces(grid, tool, out)
     return radial, tangential, float(out[kernels.AREA])
 
 

@@ -12,10 +12,10 @@ from turning_sim import _plane_kernels as plane
 from turning_sim._check import require
 from turning_sim.cutting import Cutting
 from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
-from turning_sim.linear import LinearParameters, linear_parameters
 from turning_sim.finished import FinishedSurface
+from turning_sim.linear import LinearParameters, linear_parameters
 from turning_sim.plant_block import PlantBlock
-from turning_sim.process import ProcessModel, cells_of, columns_of, grid_of
+from turning_sim.process import ProcessModel, columns_of, grid_of
 from turning_sim.turrets import shift_of_tool, slides_of_shift, tool_of_slides
 from turning_sim.workpiece import Workpiece
 
@@ -162,7 +162,8 @@ class Simulator:
         st, out = self._state, np.zeros((plane.CHANNELS, refs.shape[1]))
         status = kernels.advance(
             self._plant, self._controls[0], self._controls[1], self._drive, self._table, refs, omega, noise, scale,
-            st["z"], st["bar"], st["servo_x"], st["servo_y"], st["ring"], st["phase"], st["left"], st["f"], st["k"], out,
+            st["z"], st["bar"], st["servo_x"], st["servo_y"], st["ring"], st["phase"], st["left"], st["f"], st["k"],
+            out,
         )  # fmt: skip
         return status, out
 
@@ -314,7 +315,6 @@ _HINTS = {
     kernels.Status.DIVERGED: "the bar moved more than a millimetre; check the cutting stiffness and the damping",
     kernels.Status.SURFACE_MEMORY: "the spindle is too slow for the stored surface",
 }
-
 
 
 def _control(axis: FeedDrive, gains: AxisControl, rate: float) -> kernels.Control:

@@ -1,4 +1,4 @@
-"""Chip of a nose-radius tool by brute force: profiles on a grid of 20 nm, crossings and lengths counted, nothing clever."""
+"""Chip of a nose-radius tool by brute force: profiles on a grid of 20 nm, crossings and lengths counted."""
 
 import math
 
