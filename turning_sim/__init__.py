@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from turning_sim.chip import Chip, ForceLaw, steady_chip
+    from turning_sim.chuck_fit import HammerTest, identify_chuck
     from turning_sim.cutting import Cutting
+    from turning_sim.doubts import Doubt, validity
     from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
     from turning_sim.finished import FinishedSurface
     from turning_sim.linear import LinearParameters, linear_parameters
@@ -22,9 +24,11 @@ __all__ = [
     "Chuck",
     "CutDerivatives",
     "Cutting",
+    "Doubt",
     "FeedDrive",
     "FinishedSurface",
     "ForceLaw",
+    "HammerTest",
     "LinearParameters",
     "Mode",
     "PlantBlock",
@@ -37,16 +41,20 @@ __all__ = [
     "cantilever_frequency_hz",
     "cut_derivatives",
     "finished_roughness",
+    "identify_chuck",
     "linear_parameters",
     "loads_of_force",
     "shift_of_tool",
     "slides_of_shift",
     "steady_chip",
     "tool_of_slides",
+    "validity",
 ]
 
 _HOME = {
     "surface": ("SurfaceTrace", "finished_roughness"),
+    "chuck_fit": ("HammerTest", "identify_chuck"),
+    "doubts": ("Doubt", "validity"),
     "chip": ("Chip", "ForceLaw", "steady_chip"),
     "cutting": ("Cutting",),
     "feed_drive": ("AxisControl", "FeedDrive", "TurretDrives"),

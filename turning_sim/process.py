@@ -86,6 +86,7 @@ def grid_of(cutting: Cutting, model: ProcessModel) -> kernels.Map:
         half_feed=count,
         tip=math.ceil(behind / dz),
         depth=cutting.depth_of_cut,
+        deepest=_AHEAD,
         radius=radius,
         turn_over=turn_over,
         thrust=law.thrust_coefficient,

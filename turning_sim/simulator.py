@@ -313,6 +313,7 @@ class Simulator:
 
 _HINTS = {
     kernels.Status.DIVERGED: "the bar moved more than a millimetre; check the cutting stiffness and the damping",
+    kernels.Status.BEYOND_MAP: "a tool went more than 0.15 mm deeper than nominal, beyond the surface map",
     kernels.Status.SURFACE_MEMORY: "the spindle is too slow for the stored surface",
 }
 

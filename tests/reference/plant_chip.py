@@ -22,19 +22,28 @@ def chip_of_passes(depth, spacing, radius, approach, depths, dz=20e-9):
     old = np.full(z.size, depth)
     for k, p in enumerate(depths[1:], start=1):
         old = np.minimum(old, tool_profile(z + k * spacing, radius, approach) - p)
-    now = tool_profile(z, radius, approach) - depths[0]
-    chip = old - now
+    return chip_between(z, old, tool_profile(z, radius, approach) - depths[0])
+
+
+def chip_between(z, old, now):
+    """The same from two profiles over z; three zeros without a chip."""
+    chip, dz = old - now, z[1] - z[0]
     cut = np.flatnonzero(chip > 0.0)
-    first, last = cut[0], cut[-1]
+    if cut.size == 0:
+        return 0.0, 0.0, 0.0
     ends = []
-    for inside, outside in ((first, first - 1), (last, last + 1)):
+    for inside, outside in ((cut[0], cut[0] - 1), (cut[-1], cut[-1] + 1)):
         part = chip[inside] / (chip[inside] - chip[outside])
         ends.append((z[inside] + part * (z[outside] - z[inside]), now[inside] + part * (now[outside] - now[inside])))
     (z0, y0), (z1, y1) = ends
-    area = np.maximum(chip, 0.0).sum() * dz
-    edge = np.hypot(np.diff(now[cut]), dz).sum() + math.dist(ends[0], (z[first], now[first]))
-    edge += math.dist(ends[1], (z[last], now[last]))
-    return area, edge, math.atan2(y1 - y0, z1 - z0)
+    pieces = np.hypot(np.diff(now), dz)
+    both = (chip[1:] > 0.0) & (chip[:-1] > 0.0)
+    edge = pieces[both].sum()
+    # cells cut in part: the share of their length inside
+    partly = (chip[1:] > 0.0) != (chip[:-1] > 0.0)
+    high, low = np.maximum(chip[1:], chip[:-1])[partly], np.minimum(chip[1:], chip[:-1])[partly]
+    edge += (pieces[partly] * high / (high - low)).sum()
+    return np.maximum(chip, 0.0).sum() * dz, edge, math.atan2(y1 - y0, z1 - z0)
 
 
 def forces_of_passes(cutting, depths, steady_direction=None):
@@ -42,7 +51,12 @@ def forces_of_passes(cutting, depths, steady_direction=None):
     area, edge, psi = chip_of_passes(
         cutting.depth_of_cut, cutting.feed_per_rev / 2.0, cutting.nose_radius, cutting.approach_angle, depths
     )
-    psi = psi if steady_direction is None else steady_direction
+    return forces_of_chip(cutting, area, edge, psi if steady_direction is None else steady_direction)
+
+
+def forces_of_chip(cutting, area, edge, psi):
+    if area == 0.0:
+        return 0.0, 0.0
     law, ratio = cutting.force_law, area / edge / 33e-6
     radial = law.thrust_coefficient * area * ratio**-law.thrust_exponent * math.cos(psi)
     return radial, law.tangential_coefficient * area * ratio**-law.tangential_exponent

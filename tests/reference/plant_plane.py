@@ -1,8 +1,10 @@
 """Linear theory of a bar that bends in two directions between two tools, several modes in each.
 
 With q(s) the bar at the tools, G(s) = sum phi_k^2 / (m_k (s^2 + 2 zeta_k w_k s + w_k^2)) the same in both directions,
-F_i = -(K_i e_i D_i + Kt_i w_i D'_i) - cp s e_i (e_i . q) and D_i = e_i . q - mu exp(-s tau_i) e_j . q (D' with the overlap
-of the tangential force), the roots are those of det(I + G(s) A(s)) = 0, where F = -A q.
+
+    F_i = -(K_i e_i D_i + Kt_i w_i D'_i) - cp s e_i (e_i . q),    D_i = e_i . q - mu exp(-s tau_i) e_j . q,
+
+D'_i with the overlap of the tangential force, the roots are those of det(I + G(s) A(s)) = 0, where F = -A q.
 """
 
 import cmath
