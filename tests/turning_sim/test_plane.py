@@ -89,3 +89,35 @@ def test_one_direction_is_the_same_cut_without_shift():
         assert two[name] == pytest.approx(one[name], rel=1e-5, abs=1e-7 * np.abs(one[name]).max()), name
     assert not one["bar_displacement_y"].any()
     assert two["bar_displacement_y"].any()
+
+
+TABLE_6_4 = [  # nominal phase over pi, half pitch difference (deg), diameter (mm), largest growth over 0...15 mm (1/s)
+    (0.5, 1.38, 23.4, (5.0, 20.0)),
+    (0.6, 1.66, 23.7, (3.0, 12.0)),
+    (0.7, 1.94, 24.1, (-5.0, -0.5)),
+    (0.8, 2.21, 24.5, (-20.0, -5.0)),
+    (0.9, 2.49, 24.5, (-40.0, -10.0)),
+    (1.1, 3.05, 22.9, (-2.0, -0.01)),
+    (1.15, 3.19, 22.5, (3.0, 12.0)),
+    (1.2, 3.32, 24.9, (-1.0, 1.0)),
+]
+
+
+def largest_growth(degrees, diameter, **changes):
+    given = {"shift": math.radians(degrees), "rake_gain": RAKE, "bar_changes": {"turned_diameter": 1e-3 * diameter}}
+    return max(theory(s, **(given | changes)).roots()[0].real for s in (0.0, 7.5e-3, 15e-3))
+
+
+@pytest.mark.parametrize(("phase", "degrees", "diameter", "growth"), TABLE_6_4)
+def test_phase_differences_of_the_thesis(phase, degrees, diameter, growth):
+    """Fig. 6-19: 0.7 and 1.1 pi are barely stable, 1.2 pi is neutral, each at its diameter of Table 6-4."""
+    assert growth[0] < largest_growth(degrees, diameter) < growth[1], phase
+
+
+def test_a_wrong_sign_of_the_wave_breaks_the_stable_band():
+    """Tools on one side of the bar: the band lies elsewhere, and 0.5 pi is as quiet as 0.9 pi is here."""
+    wrong = {"overlap": -0.859, "tangential_overlap": -0.859}
+    signs = [largest_growth(deg, d, **wrong) > 0.0 for _, deg, d, _ in TABLE_6_4]
+    assert signs != [low > 0.0 for *_, (low, _) in TABLE_6_4]
+    hops = [hz(theory(s, **wrong).roots()[0]) for s in (0.0, 15e-3)]
+    assert min(abs(f - e) for f, e in zip(hops, (652.2, 612.1), strict=True)) > 5.0
