@@ -215,26 +215,24 @@ def leave(old, tool, p, cuts, rest, column):
 
 
 @njit(cache=True, fastmath=False)
-def steady_columns(grid, phase, depths, first_pass, columns):
-    """Fill columns as if both tools had always stood at `depths[pass, step]` (m) deeper than nominal.
+def past_columns(grid, depths, ahead, columns):
+    """Fill what tools leave that stood `depths[pass, step]` (m) deeper than nominal.
 
     Parameters
     ----------
     grid : Map
         The map.
-    phase : ndarray
-        Only for its length.
     depths : ndarray
         Depth of each pass, the newest first, at each step (m), shape (passes, n).
-    first_pass : ndarray
-        Distance of the tool from its cells in each pass (m), shape (passes,).
+    ahead : ndarray
+        How far the tool of each pass runs ahead of its cells (m), shape (passes,).
     columns : ndarray
         Shape (n, cells).
     """
     tool = np.empty((4, columns.shape[1]))
     columns[:, :] = grid.depth
     for k in range(depths.shape[0]):
-        tool_profile(grid, first_pass[k] - k * grid.half_feed * grid.dz, tool)
-        for n in range(phase.size):
+        tool_profile(grid, ahead[k] - k * grid.half_feed * grid.dz, tool)
+        for n in range(columns.shape[0]):
             for j in range(columns.shape[1]):
                 columns[n, j] = min(columns[n, j], tool[HEIGHT, j] - depths[k, n])

@@ -124,7 +124,7 @@ def columns_of(grid: kernels.Map, depths: np.ndarray, offsets: tuple[float, floa
     """
     columns = np.empty((depths.shape[1], cells_of(grid)))
     ahead = np.array([offsets[k % 2] for k in range(depths.shape[0])])
-    kernels.steady_columns(grid, np.empty(depths.shape[1]), np.ascontiguousarray(depths), ahead, columns)
+    kernels.past_columns(grid, np.ascontiguousarray(depths), ahead, columns)
     return columns
 
 
