@@ -5,10 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from turning_sim.chip import Chip, ForceLaw, steady_chip
+    from turning_sim.chuck_fit import HammerTest, identify_chuck
     from turning_sim.cutting import Cutting
+    from turning_sim.doubts import Doubt, validity
     from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
+    from turning_sim.finished import FinishedSurface
     from turning_sim.linear import LinearParameters, linear_parameters
     from turning_sim.plant_block import PlantBlock
+    from turning_sim.process import CutDerivatives, ProcessModel, cut_derivatives
     from turning_sim.simulator import SimulationDiverged, Simulator
     from turning_sim.surface import SurfaceTrace, finished_roughness
     from turning_sim.turrets import loads_of_force, shift_of_tool, slides_of_shift, tool_of_slides
@@ -18,34 +22,46 @@ __all__ = [
     "AxisControl",
     "Chip",
     "Chuck",
+    "CutDerivatives",
     "Cutting",
+    "Doubt",
     "FeedDrive",
+    "FinishedSurface",
     "ForceLaw",
+    "HammerTest",
     "LinearParameters",
     "Mode",
     "PlantBlock",
+    "ProcessModel",
     "SimulationDiverged",
     "Simulator",
     "SurfaceTrace",
     "TurretDrives",
     "Workpiece",
     "cantilever_frequency_hz",
+    "cut_derivatives",
     "finished_roughness",
+    "identify_chuck",
     "linear_parameters",
     "loads_of_force",
     "shift_of_tool",
     "slides_of_shift",
     "steady_chip",
     "tool_of_slides",
+    "validity",
 ]
 
 _HOME = {
     "surface": ("SurfaceTrace", "finished_roughness"),
+    "chuck_fit": ("HammerTest", "identify_chuck"),
+    "doubts": ("Doubt", "validity"),
     "chip": ("Chip", "ForceLaw", "steady_chip"),
     "cutting": ("Cutting",),
     "feed_drive": ("AxisControl", "FeedDrive", "TurretDrives"),
+    "finished": ("FinishedSurface",),
     "linear": ("LinearParameters", "linear_parameters"),
     "plant_block": ("PlantBlock",),
+    "process": ("CutDerivatives", "ProcessModel", "cut_derivatives"),
     "simulator": ("SimulationDiverged", "Simulator"),
     "turrets": ("loads_of_force", "shift_of_tool", "slides_of_shift", "tool_of_slides"),
     "workpiece": ("Chuck", "Mode", "Workpiece", "cantilever_frequency_hz"),

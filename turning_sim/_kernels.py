@@ -28,8 +28,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-RING = 256
-SURFACE = 16384
+RING, SURFACE = 256, 16384
 PASSES = 3
 
 X1_THRUST, X1_MOTOR, X1_STAGE, Y1_THRUST, Y1_MOTOR, Y1_STAGE = 0, 1, 2, 3, 4, 5
@@ -43,11 +42,12 @@ STEP, READ1, READ2, WAS_IN_CUT = 0, 1, 2, 3
 
 
 class Status(IntEnum):
-    """What a kernel has to say about the block it was given."""
+    """What a kernel has to say about its block."""
 
     OK = 0
     DIVERGED = 1
     SURFACE_MEMORY = 2
+    BEYOND_MAP = 3
 
 
 class Plant(NamedTuple):

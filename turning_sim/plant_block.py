@@ -25,6 +25,8 @@ class PlantBlock:
         Offset of tool 1 (m) and shift (rad) from the linear scales.
     bar_displacement : ndarray
         Bar at the tools along +X1 (m). Truth, as all that follow.
+    bar_displacement_y : ndarray
+        Bar at the tools along +Y1' (m); 0 with one direction.
     vibration : ndarray
         Bar relative to tool 1 along +X1 (m).
     force_x1, force_y1p : ndarray
@@ -55,6 +57,7 @@ class PlantBlock:
     dy1p: np.ndarray
     shift: np.ndarray
     bar_displacement: np.ndarray
+    bar_displacement_y: np.ndarray
     vibration: np.ndarray
     force_x1: np.ndarray
     force_y1p: np.ndarray

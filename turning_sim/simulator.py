@@ -8,14 +8,18 @@ from typing import Any
 import numpy as np
 
 from turning_sim import _kernels as kernels
+from turning_sim import _plane_kernels as plane
 from turning_sim._check import require
 from turning_sim.cutting import Cutting
 from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
+from turning_sim.finished import FinishedSurface
 from turning_sim.linear import LinearParameters, linear_parameters
 from turning_sim.plant_block import PlantBlock
+from turning_sim.process import ProcessModel, columns_of, grid_of
 from turning_sim.turrets import shift_of_tool, slides_of_shift, tool_of_slides
 from turning_sim.workpiece import Workpiece
 
+_Floats = np.ndarray
 _TABLE_STEP = 0.5e-3
 _LOWEST_SPINDLE_HZ = 5.0
 
@@ -56,6 +60,13 @@ class Simulator:
         At the cutting point, for the arc and the surface speed (m); None takes the workpiece's.
     end_position : float or None
         Where the tools leave the cut (m); None for the chuck.
+    model : ProcessModel
+        How much of the process is computed.
+
+    Attributes
+    ----------
+    finished : FinishedSurface or None
+        What the surface map has left behind for good; None with the linear cut.
     """
 
     def __init__(
@@ -72,6 +83,7 @@ class Simulator:
         initial_shift: float = 0.0,
         diameter: float | None = None,
         end_position: float | None = None,
+        model: ProcessModel | None = None,
     ) -> None:
         end = workpiece.length if end_position is None else end_position
         require(sample_rate_hz > 0.0, "sample_rate_hz", "positive", sample_rate_hz)
@@ -88,6 +100,7 @@ class Simulator:
         self.sample_rate_hz, self.substeps = sample_rate_hz, substeps
         self.diameter = workpiece.cutting_diameter if diameter is None else diameter
         require(self.diameter > 0.0, "diameter", "positive", self.diameter)
+        self.model = ProcessModel() if model is None else model
         self.sample = 0
         self.step = 1.0 / (sample_rate_hz * substeps)
         grid = np.arange(0.0, workpiece.length + 0.5 * _TABLE_STEP, _TABLE_STEP)
@@ -97,11 +110,14 @@ class Simulator:
             _control(axis, gains, sample_rate_hz)
             for axis, gains in ((drives.x1, drives.x1_control), (drives.y1, drives.y1_control))
         )
+        self._grid = grid_of(cutting, self.model)
         self._plant = self._plant_numbers(start_position, end, round(air_time * sample_rate_hz))
         self._scale_noise = np.array([drives.x1.scale_noise, drives.y1.scale_noise])
         self._noise = np.random.Generator(np.random.Philox(key=[seed, 0]))
         self._scale = np.random.Generator(np.random.Philox(key=[seed, 1]))
         self._state = self._rest(initial_shift)
+        self._mapped = self.model.cut == "surface"
+        self.finished = FinishedSurface(self._grid.dz, -self._grid.tip * self._grid.dz) if self._mapped else None
 
     def prepare(self) -> None:
         """Compile by running one dummy sample; the state is untouched."""
@@ -132,20 +148,37 @@ class Simulator:
         speed = np.broadcast_to(np.asarray(self.cutting.spindle_hz if spindle_hz is None else spindle_hz, float), (n,))
         slowest = float(speed.min(initial=np.inf))
         require(slowest >= _LOWEST_SPINDLE_HZ, "spindle_hz", f"at least {_LOWEST_SPINDLE_HZ}", slowest)
-        out = np.empty((kernels.CHANNELS, n))
         noise = self._noise.standard_normal((n * self.substeps, 2))
         scale = self._scale.standard_normal((n, 2)) * self._scale_noise
-        st = self._state
-        status = kernels.advance(
-            self._plant, self._controls[0], self._controls[1], self._drive, self._table, refs, 2.0 * np.pi * speed,
-            noise, scale, st["z"], st["bar"], st["servo_x"], st["servo_y"], st["ring"], st["phase"], st["left"],
-            st["f"], st["k"], out,
-        )  # fmt: skip
+        omega = 2.0 * np.pi * speed
+        status, out = (self._line if self.model.directions == 1 else self._plane)(refs, omega, noise, scale)
         first = self.sample
         self.sample += n
         if status != kernels.Status.OK:
             raise SimulationDiverged(sample=self.sample, hint=_HINTS[kernels.Status(status)])
         return self._block(first, out)
+
+    def _line(self, refs: _Floats, omega: _Floats, noise: _Floats, scale: _Floats) -> tuple[int, _Floats]:
+        st, out = self._state, np.zeros((plane.CHANNELS, refs.shape[1]))
+        status = kernels.advance(
+            self._plant, self._controls[0], self._controls[1], self._drive, self._table, refs, omega, noise, scale,
+            st["z"], st["bar"], st["servo_x"], st["servo_y"], st["ring"], st["phase"], st["left"], st["f"], st["k"],
+            out,
+        )  # fmt: skip
+        return status, out
+
+    def _plane(self, refs: _Floats, omega: _Floats, noise: _Floats, scale: _Floats) -> tuple[int, _Floats]:
+        st, out = self._state, np.empty((plane.CHANNELS, refs.shape[1]))
+        tails = np.empty((refs.shape[1], 2 * self._grid.half_feed if self._mapped else 0))
+        status = plane.advance(
+            self._plant, self._grid, self._mapped, self._controls[0], self._controls[1], self._drive, self._table, refs,
+            omega, noise, scale, st["z"], st["bar"], st["servo_x"], st["servo_y"], st["ring"], st["phase"], st["left"],
+            st["columns"], st["rest"], st["f"], st["k"], out, tails,
+        )  # fmt: skip
+        if self.finished is not None and status == kernels.Status.OK:
+            inside = out[kernels.IN_CUT] != 0.0
+            self.finished.add(out[kernels.PHASE2][inside], out[kernels.POSITION][inside], tails[inside])
+        return status, out
 
     def linear_parameters(self, tool_position: float) -> LinearParameters:
         """Return the one-mode numbers with the tools at `tool_position` (m from the tip)."""
@@ -158,6 +191,7 @@ class Simulator:
             "state": {name: value.copy() for name, value in self._state.items()},
             "noise": self._noise.bit_generator.state,
             "scale": self._scale.bit_generator.state,
+            "finished": None if self.finished is None else self.finished.copy(),
         }
 
     def restore(self, snapshot: dict[str, Any]) -> None:
@@ -166,6 +200,7 @@ class Simulator:
         self._state = {name: value.copy() for name, value in snapshot["state"].items()}
         self._noise.bit_generator.state = snapshot["noise"]
         self._scale.bit_generator.state = snapshot["scale"]
+        self.finished = None if snapshot["finished"] is None else snapshot["finished"].copy()
 
     def _plant_numbers(self, start: float, end: float, entry_sample: int) -> kernels.Plant:
         cut, drives = self.cutting, self.drives
@@ -213,20 +248,36 @@ class Simulator:
             servos[i, 0] = kernels.quantise(position, axis.motor_resolution)
             servos[i, 1] = kernels.quantise(position, axis.stage_resolution)
             servos[i, 6:] = position
-        past = np.arange(kernels.SURFACE, dtype=np.float64) - kernels.SURFACE
+        memory = kernels.SURFACE if self.model.cut == "linear" else self._memory()
+        past = np.arange(memory, dtype=np.float64) - memory
         phase = 2.0 * np.pi * self.cutting.spindle_hz * self.step * (past + 1.0)
         half = math.ceil(0.5 / (self.cutting.spindle_hz * self.step))
+        rest = self._rest_columns(shift)
         return {
             "z": z,
-            "bar": np.zeros((len(self.workpiece.damping_ratios), 2)),
+            "bar": np.zeros((len(self.workpiece.damping_ratios), 2 * self.model.directions)),
             "servo_x": servos[0],
             "servo_y": servos[1],
             "ring": ring,
             "phase": np.array([phase - shift, phase]),
-            "left": np.zeros((2, kernels.SURFACE)),
-            "f": np.zeros(8),
+            "left": np.zeros((2, memory)),
+            "columns": np.repeat(rest[:, None, :], memory if self.model.cut == "surface" else 1, axis=1),
+            "rest": rest,
+            "f": np.zeros(plane.FORCES),
             "k": np.array([0, -half, -half, 0]),
         }
+
+    def _memory(self) -> int:
+        """Return how many columns each tool keeps: half a turn at half the nominal speed, and the widest shift."""
+        turn = 1.0 / (self.cutting.spindle_hz * self.step)
+        return 2 ** math.ceil(math.log2(2.0 * (0.5 + 20.0 / 360.0) * turn + 2 * plane.GUARD))
+
+    def _rest_columns(self, shift: float) -> _Floats:
+        """Return the steady surface under each tool, in air and before the cut."""
+        if self.model.cut == "linear":
+            return np.zeros((2, 0))
+        ahead, still = self.cutting.feed_per_rev * shift / (2.0 * math.pi), np.zeros((12, 1))
+        return np.stack([columns_of(self._grid, still, pair)[0] for pair in ((ahead, 0.0), (0.0, ahead))])
 
     def _block(self, first: int, out: np.ndarray) -> PlantBlock:
         dx1, dy1p = tool_of_slides(out[kernels.X1_STAGE], out[kernels.Y1_STAGE], self.drives.axis_angle)
@@ -243,6 +294,7 @@ class Simulator:
             dy1p=dy1p,
             shift=shift_of_tool(dx1, dy1p, self.diameter),
             bar_displacement=out[kernels.BAR],
+            bar_displacement_y=out[plane.BAR_Y],
             vibration=out[kernels.VIBRATION],
             force_x1=out[kernels.FORCE_X1],
             force_y1p=out[kernels.FORCE_Y1P],
@@ -261,9 +313,9 @@ class Simulator:
 
 _HINTS = {
     kernels.Status.DIVERGED: "the bar moved more than a millimetre; check the cutting stiffness and the damping",
+    kernels.Status.BEYOND_MAP: "a tool went more than 0.15 mm deeper than nominal, beyond the surface map",
     kernels.Status.SURFACE_MEMORY: "the spindle is too slow for the stored surface",
 }
-
 
 
 def _control(axis: FeedDrive, gains: AxisControl, rate: float) -> kernels.Control:
