@@ -27,8 +27,8 @@ class Case:
         Word on the command line, or the stem of the file.
     settings
         How long, how fast, against what the result is measured.
-    workpiece, cutting, drives
-        The plant as it is.
+    workpiece, cutting, drives, process
+        The plant as it is, and how much of its process is computed.
     limits, path
         What the guard allows, and what the path of the shift uses of it.
     monitor, belief
@@ -44,6 +44,7 @@ class Case:
     workpiece: Any
     cutting: Any
     drives: Any
+    process: Any
     limits: Any
     path: Any
     monitor: Any

@@ -18,7 +18,7 @@ from services.messages import Floats
 from services.metrics import first_held, vibration_envelope
 from services.nodes.machine import make_plant
 from services.tape import plant_surface
-from turning_sim import Simulator
+from turning_sim import Simulator, validity
 
 HELD_REVOLUTIONS = 2.0
 """Vibration that stays above the threshold for so long is chatter."""
@@ -55,6 +55,8 @@ class OpenCut:
         Mean roughness of the whole cut.
     plateaus
         Where which frequency stood.
+    doubts
+        What lies outside the range in which the model holds.
     """
 
     chatter: bool
@@ -63,6 +65,7 @@ class OpenCut:
     amplitude_um: float | None
     ra_um: float | None
     plateaus: tuple[Plateau, ...]
+    doubts: tuple[str, ...]
     length_mm: float
     rate_hz: float
     vibration_um: Floats
@@ -76,6 +79,7 @@ class OpenCut:
             "amplitude_um": self.amplitude_um,
             "ra_um": self.ra_um,
             "plateaus": [asdict(plateau) for plateau in self.plateaus],
+            "doubts": list(self.doubts),
         }
 
     def words(self) -> str:
@@ -132,6 +136,7 @@ def cut_open(case: Case, seed: int, shift: float, length: float) -> OpenCut:
     growth = _growth(case, plant, shift)
     common: dict[str, Any] = {
         "growth_rate_1_s": growth,
+        "doubts": _doubts(case, shift),
         "length_mm": 1e3 * length,
         "rate_hz": rate,
         "vibration_um": 1e6 * block.vibration,
@@ -156,6 +161,13 @@ def _strongest_line(vibration: Floats, rate: float, middle: float) -> float:
     frequency, power = signal.periodogram(vibration, rate, window="hann", nfft=max(4 * vibration.size, 1 << 16))
     power[(frequency < 0.6 * middle) | (frequency > 1.4 * middle)] = 0.0
     return float(frequency[np.argmax(power)])
+
+
+def _doubts(case: Case, shift: float) -> tuple[str, ...]:
+    """Return what lies outside the range of the model where the tools enter, in words."""
+    position = case.settings.start_position
+    found = validity(case.workpiece, case.cutting, model=case.process, tool_position=position, shift=shift)
+    return tuple(map(str, found))
 
 
 def _growth(case: Case, plant: Simulator, shift: float) -> float:

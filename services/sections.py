@@ -119,12 +119,13 @@ def known_sections() -> dict[str, Section]:
 
 
 def _plant() -> dict[str, Section]:
-    from turning_sim import Chuck, Cutting, ForceLaw, Workpiece
+    from turning_sim import Chuck, Cutting, ForceLaw, ProcessModel, Workpiece
 
     speed = {"spindle_hz": "spindle_speed"}
     return {
         "chuck": Section(kind=Chuck, units=_CHUCK),
         "workpiece": Section(kind=Workpiece, units=_WORKPIECE, given=("chuck",)),
+        "process": Section(kind=ProcessModel, units={"cell": "um"}),
         "force_law": Section(kind=ForceLaw, units=_FORCE_LAW),
         "cutting": Section(kind=Cutting, units=_CUTTING, given=("force_law",), renamed=speed),
     }
@@ -183,6 +184,7 @@ def build(tables: Mapping[str, Any]) -> dict[str, Any]:
         "settings": settings,
         "workpiece": part("workpiece", chuck=part("chuck")),
         "cutting": part("cutting", force_law=part("force_law")),
+        "process": part("process"),
         "drives": drives,
         "limits": part("limits", **common),
         "path": part("path"),

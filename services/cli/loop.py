@@ -18,13 +18,27 @@ from services.cli.app import INTERRUPTED, JsonFlag, OutDir, Seed, app, console, 
 from services.clock import WallClock
 from services.closed_loop import Outcome, judge, run_loop
 from services.config import Case, load_case
+from services.errors import InputError
 from services.messages import Message
+from services.reproduce.plant import MODELS, PlantName
 from services.tape import Tape
 
 CaseName = Annotated[str, typer.Argument(help="Name of a shipped case, or path of a TOML file.")]
 ArmAfter = Annotated[
     float, typer.Option("--arm-after-s", help="Arm the guard this late: lets the chatter grow first (s).")
 ]
+
+
+PlantModel = Annotated[
+    str, typer.Option("--plant", help="lumped (fast), or surface: a map of the surface that each tool cuts (slower).")
+]
+
+
+def model_of(plant: str) -> PlantName:
+    """Return the name of a plant, or say which there are."""
+    if plant == "lumped" or plant == "surface":
+        return plant
+    raise InputError("plant", plant, "lumped or surface")
 
 
 @contextmanager
@@ -213,6 +227,9 @@ def simulate(
     feed_length_mm: Annotated[
         float | None, typer.Option("--feed-length-mm", help="Length of the cut (mm); default: the case's.")
     ] = None,
+    plant: Annotated[
+        str | None, typer.Option("--plant", help="lumped, or surface (a map of the surface); default: the case's.")
+    ] = None,
     seed: Seed = None,
     out: OutDir = None,
     as_json: JsonFlag = False,
@@ -220,7 +237,7 @@ def simulate(
     """Cut without control: what the bar does at one shift."""
     from services.open_cut import OpenCut, cut_open
 
-    config = load_case(case)
+    config = load_case(case, None if plant is None else MODELS[model_of(plant)])
     limit = math.degrees(config.limits.shift)
     require("shift-deg", shift_deg, f"within +-{limit:g} deg, the limit of the case", abs(shift_deg) <= limit)
     length = _feed_length(config, feed_length_mm)
@@ -231,6 +248,8 @@ def simulate(
     answer = result.as_dict() | {"case": config.name, "seed": used, "shift_deg": shift_deg}
     if folder is not None:
         answer["written"] = result.write(folder)
+    for doubt in result.doubts:
+        _say(f"note: {doubt}")
     emit(answer, result.words(), as_json)
 
 

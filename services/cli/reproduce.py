@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from services.cli.app import JsonFlag, OutDir, Seed, app, emit, writable_folder
-from services.cli.loop import progress_bar
+from services.cli.loop import PlantModel, model_of, progress_bar
 from services.clock import WallClock
 from services.errors import InputError
 
@@ -17,6 +17,7 @@ NAMES = ("chapter6",)
 @app.command()
 def reproduce(
     name: Annotated[str, typer.Argument(help=f"Publication: {', '.join(NAMES)}, or all.", metavar="[NAME]")] = "all",
+    plant: PlantModel = "lumped",
     seed: Seed = None,
     out: OutDir = None,
     as_json: JsonFlag = False,
@@ -29,7 +30,9 @@ def reproduce(
 
     folder = writable_folder(out)
     with progress_bar("chapter 6 of the thesis") as progress:
-        chapter = reproduce_chapter6(clock=WallClock(), seed=1 if seed is None else seed, progress=progress)
+        chapter = reproduce_chapter6(
+            clock=WallClock(), seed=1 if seed is None else seed, plant=model_of(plant), progress=progress
+        )
     answer = as_table(chapter.rows)
     text = "\n".join([*(_line(row) for row in answer["rows"]), f"{answer['agree']} of {answer['total']} agree"])
     if folder is not None:

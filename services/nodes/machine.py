@@ -40,6 +40,7 @@ def make_plant(case: Case, seed: int, initial_shift: float = 0.0, air_time: floa
         air_time=settings.air_time if air_time is None else air_time,
         seed=seed,
         initial_shift=initial_shift,
+        model=case.process,
     )
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 from pitch import OneModeProcess, rightmost_root
-from services.config import Case, load_case, replaced
-from services.errors import InputError
-from turning_sim import Cutting, linear_parameters
+from services.config import Case, load_case
+from turning_sim import linear_parameters
 
 PlantName = Literal["lumped", "surface"]
+MODELS: dict[PlantName, dict[str, Any]] = {
+    "lumped": {"process.cut": "linear", "process.directions": 1},
+    "surface": {"process.cut": "surface", "process.directions": 2},
+}
 Progress = Callable[[float], None]
 
 
@@ -28,13 +30,7 @@ def prepared_case(plant: PlantName, name: str, changes: dict[str, Any] | None = 
     changes
         Values that replace those of the file.
     """
-    case = load_case(name, changes)
-    if plant == "lumped":
-        return case
-    if "model" not in Cutting.__dataclass_fields__:
-        raise InputError("plant", plant, "a plant that this version has")
-    model: dict[str, Any] = {"model": plant}
-    return replaced(case, cutting=dataclasses.replace(case.cutting, **model))
+    return load_case(name, (changes or {}) | MODELS[plant])
 
 
 def strongest_root(case: Case, position: float, shift: float) -> complex:
