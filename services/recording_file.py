@@ -17,6 +17,7 @@ from typing import Any, Literal, NamedTuple, Self, cast
 
 import zstandard
 from mcap.exceptions import InvalidMagic, McapError
+from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, DataEnd, McapRecord, Metadata
 from mcap.records import Message as MessageRecord
 from mcap.stream_reader import StreamReader, breakup_chunk
@@ -263,6 +264,7 @@ class RecordingReader:
         if not self.path.is_file():
             raise InputError("file", str(self.path), "an existing file")
         with self.path.open("rb") as file:
+            self._look_ahead(file)
             for record in self._records(file):
                 if isinstance(record, Chunk):
                     yield from self._unpacked(record)
@@ -296,6 +298,16 @@ class RecordingReader:
         if self._ended and not self.whole:
             listed.append("the file has no end: whatever wrote it was stopped, or the rest is missing")
         return [f"{self.path.name}: {note}" for note in listed]
+
+    def _look_ahead(self, file: io.BufferedReader) -> None:
+        """Learn the channels from the end of a whole file: the first chunk, which tells them too, may be damaged."""
+        try:
+            summary = SeekingReader(file, record_size_limit=MOST_RECORD_BYTES).get_summary()
+        except (*UNREADABLE, OSError):  # OSError: shorter than what is sought from its end
+            summary = None
+        for channel in summary.channels.values() if summary else ():
+            self._meet(channel)
+        file.seek(0)
 
     def _records(self, file: io.BufferedReader) -> Iterator[McapRecord]:
         """Yield the records of the data section, chunks packed."""
