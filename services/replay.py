@@ -237,12 +237,14 @@ def compare(then: Iterable[Message], now: Iterable[Message]) -> Comparison:
     """Compare what was said then and now; messages with the same source, type and sequence belong together."""
     old, new = _numbered(then), _numbered(now)
     found = Comparison()
-    last = {kind: max(key[2] for key in old if key[1] == kind) for kind in {key[1] for key in old}}
+    last: dict[tuple[str, type[Message]], int] = {}
+    for source, kind, number in old:
+        last[source, kind] = max(number, last.get((source, kind), -1))
     for key, message in new.items():
         name = key[1].__name__
         if key in old:
             _see(found, name, old[key], message)
-        elif key[2] <= last.get(key[1], -1):
+        elif key[2] <= last.get(key[:2], -1):
             found.unrecorded[name] += 1
     found.unexpected.update(key[1].__name__ for key in old if key not in new)
     return found
