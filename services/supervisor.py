@@ -71,6 +71,8 @@ class Service:
     child: Child
     spare: Child | None = None
     alive: bool = False
+    seen: bool = False
+    """Whether this process has ever shown a sign of life; until then it is starting, which may take long."""
     since: float = 0.0
     """When it was last started, seen to come, or seen to go."""
     deaths: deque[float] = field(default_factory=deque[float])
@@ -134,8 +136,9 @@ class Keeper:
     def note(self, who: str, came: bool) -> None:
         """Take in that a sign of life came or went."""
         if who in self.services:
-            self.services[who].alive, self.services[who].since = came, self._clock.now()
-            pid = self.services[who].child.pid
+            service = self.services[who]
+            service.alive, service.since, service.seen = came, self._clock.now(), service.seen or came
+            pid = service.child.pid
             self._say(f"up: {who} is {'alive' if came else 'gone'} (process {pid})")
 
     def look(self, linked: bool) -> bool:
@@ -169,7 +172,7 @@ class Keeper:
         return False
 
     def _hangs(self, service: Service, now: float) -> bool:
-        patience = HUNG_S if service.since > service.child.started + TICK_S else START_S
+        patience = HUNG_S if service.seen else START_S
         return not service.alive and now - max(service.since, self._linked_since) > patience
 
     def _wants_reserve(self, service: Service, now: float) -> bool:
@@ -190,7 +193,7 @@ class Keeper:
         why = service.child.why() if service.child.ended() in (2, 3) else ""
         if why:
             raise RefusalError(f"{name}: {why}", {"service": name})
-        service.alive, service.since = False, now
+        service.alive, service.seen, service.since = False, False, now
         if service.spare is not None and service.spare.ended() is None:
             service.child, service.spare = service.spare, None
             service.child.go()
