@@ -62,7 +62,8 @@ def up(tmp_path_factory):
         assert running.spy.until(lambda: running.spy.last[MachineState].shift_applied_deg > 2.0)
         state = running.spy.last[MachineState]
         if state.commands_late > 0.02 * state.commands_accepted:
-            pytest.skip(f"too busy for real time here: {state.commands_late} of {state.commands_accepted} commands late")
+            late = f"{state.commands_late} of {state.commands_accepted} commands late"
+            pytest.skip(f"too busy for real time here: {late}")
         yield running
     finally:
         running.close()
