@@ -4,6 +4,7 @@ import dataclasses
 import math
 
 import numpy as np
+import pytest
 
 from services.guard import Conditions, Guard
 from services.guard_limits import GuardLimits
@@ -184,3 +185,29 @@ def worst(points, lim):
         shares += list(steps / (lim.shift_step, lim.slide_step, lim.slide_step))
     assert np.isfinite(shares).all()
     return max(shares)
+
+
+SHIFT = math.radians(2.8)
+
+
+def rig_in(state, **changes):
+    """A machine at a shift of 2.8 degrees, at rest, in a state."""
+    changes = {"on_loss": "return"} | changes if state == "RETURNING" else changes
+    rig = Rig(**changes)
+    if state == "OFF":
+        return rig.run(2)
+    if state == "ARMED":
+        assert rig.ask("dry_run") == ""
+        return rig.run(2)
+    rig.active().run(80, 2.8)
+    assert rig.guard.shift == pytest.approx(SHIFT, abs=1e-12)
+    if state == "HOLDING":
+        rig.run(40)
+    if state == "RETURNING":
+        rig.run(115)
+    if state == "FAULT":
+        rig.conditions = {"homed": False}
+        rig.run(1)
+        rig.conditions = {}
+    assert rig.guard.state == state
+    return rig
