@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -180,7 +181,7 @@ def build(tables: Mapping[str, Any]) -> dict[str, Any]:
         y1_control=part("control.y1"),
     )  # fmt: skip
     common = {"sample_rate_hz": settings.sample_rate_hz, "axis_angle": drives.axis_angle}
-    return {
+    parts: dict[str, Any] = {
         "settings": settings,
         "workpiece": part("workpiece", chuck=part("chuck")),
         "cutting": part("cutting", force_law=part("force_law")),
@@ -192,6 +193,24 @@ def build(tables: Mapping[str, Any]) -> dict[str, Any]:
         "belief": part("belief", x1=part("belief.x1"), y1=part("belief.y1"), axis_angle=drives.axis_angle),
         "planner": part("planner", **common),
     }
+    _agree(parts)
+    return parts
+
+
+def _agree(parts: Mapping[str, Any]) -> None:
+    """Say which of two tables contradicts the other, before anything is started."""
+    limits, planner, path, rate_hz = parts["limits"], parts["planner"], parts["path"], parts["settings"].sample_rate_hz
+    rules = (
+        ("monitor.band_hz", parts["monitor"].band_hz[1], 0.5 * rate_hz, "case.sample_rate_hz / 2", 1.0, False),
+        ("planner.max_shift_deg", planner.max_shift, limits.target, "limits.target_deg", 180.0 / math.pi, True),
+        ("planner.min_shift_deg", -planner.min_shift, limits.target, "limits.target_deg", 180.0 / math.pi, True),
+        ("path.max_speed_deg_per_s", path.max_speed, limits.shift_speed, "limits.shift_speed_deg_per_s",
+         180.0 / math.pi, True),
+    )  # fmt: skip
+    for key, value, most, other, unit, equal in rules:
+        if value > most * (1.0 + 1e-9) or (value == most and not equal):
+            word = "at most" if equal else "below"
+            raise InputError(key, value * unit, f"{word} {other} ({most * unit:g})")
 
 
 def _table(tables: Mapping[str, Any], name: str, sections: Mapping[str, Section]) -> dict[str, Any]:
