@@ -116,7 +116,7 @@ def test_without_a_router_the_guard_holds_and_the_loop_comes_back(up):
     assert time.monotonic() - killed < BACK_S
     assert up.spy.until_guard("ACTIVE", seconds=BACK_S)
     assert up.spy.last[MachineState].run == run
-    assert len(up.spy.of(SampleBlock)) > blocks
+    assert up.spy.until(lambda: len(up.spy.of(SampleBlock)) > blocks, BACK_S)
     assert {state.guard_state for state in up.spy.of(MachineState)} <= {"OFF", "ACTIVE", "HOLDING"}
 
 
