@@ -12,6 +12,7 @@ import numpy as np
 from services.bus import InMemoryBus, Node
 from services.clock import Clock
 from services.config import Case
+from services.doubts import refusing
 from services.messages import (
     BLOCK_S,
     ChatterReport,
@@ -23,7 +24,7 @@ from services.messages import (
     Truth,
     TurretCommand,
 )
-from services.metrics import Summary
+from services.metrics import SUMMARY_KEYS, Summary
 from services.nodes.controller import ControllerNode
 from services.nodes.machine import MachineNode, make_plant
 from services.nodes.monitor import MonitorNode
@@ -84,9 +85,10 @@ def run_loop(
     loop = Loop(case, seed, clock, arm_after_s)
     blocks = blocks_of(case)
     try:
-        for number in range(blocks):
-            loop.step(number)
-            progress((number + 1) / blocks)
+        with refusing(case, SUMMARY_KEYS):
+            for number in range(blocks):
+                loop.step(number)
+                progress((number + 1) / blocks)
     except KeyboardInterrupt:
         return loop.tape, True
     return loop.tape, False
@@ -96,7 +98,8 @@ def judge(case: Case, seed: int, tape: Tape, *, interrupted: bool) -> Outcome:
     """Cut the twin and evaluate what is on the tape beside it."""
     tape = whole_blocks(tape)
     samples = tape.series(SampleBlock, "dx1_um").size
-    block = open_loop(case, make_plant(case, seed), samples)
+    with refusing(case, SUMMARY_KEYS):
+        block = open_loop(case, make_plant(case, seed), samples)
     surface, twin = tape_surface(case, tape), plant_surface(case, block)
     record = make_record(case, seed, tape, surface, twin_series(case, block, twin), interrupted=interrupted)
     return Outcome(record=record, summary=evaluate(record, surface, twin))

@@ -12,6 +12,7 @@ from services.closed_loop import blocks_of
 from services.config import Case
 from services.errors import RefusalError
 from services.messages import Message, SampleBlock
+from services.metrics import SUMMARY_KEYS
 from services.node import Say
 from services.process import term_interrupts
 from services.supervisor import FOLLOWERS, Plan
@@ -175,9 +176,11 @@ def _conclude(seen: Demonstration, children: dict[str, Child]) -> None:
     machine = seen.services.get("machine", {})
     if not seen.interrupted and not machine.get("blocks"):
         first = next(iter(seen.died), "machine")
-        raise RefusalError(f"{first} did not start: {children[first].why()}", {"service": first})
+        reason = machine.get("reason") or f"{first} did not start: {children[first].why()}"
+        unknown: dict[str, object] = {key: None for key in SUMMARY_KEYS}
+        raise RefusalError(str(reason), unknown | {"service": first, "doubts": machine.get("doubts")})
     if not seen.interrupted and children["machine"].ended() != 0:
         seen.died["machine"] = children["machine"].why()
-    seen.tape.latency_ms = [float(value) for value in machine.get("latency_ms", [])]
+    seen.tape.latency_ms = [float(value) for value in machine.get("latency_ms") or []]
     seen.tape.wall_s = float(machine.get("wall_s") or 0.0)
     seen.tape.blocks_lost = int(seen.services.get("monitor", {}).get("blocks_lost") or 0)

@@ -11,7 +11,7 @@ unlike a peak detector, is not moved by one noisy sample. At 600 Hz the ripple l
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,6 +169,8 @@ class Summary:
         One word for all: `no_cut`, `stable`, `forced`, `missed`, `not_moved`, `gave_up`, `not_suppressed`,
         `suppressed`, `prevented` (moved before the threshold was passed), `false_alarm` (the twin never passed it)
         or `undecided` (the run ended before it could be judged).
+    doubts
+        What lies outside the range of the model, in words; nothing if all is well.
     """
 
     case: str
@@ -196,6 +198,7 @@ class Summary:
     moves: int
     limit_source: str | None
     gave_up_reason: str | None
+    doubts: tuple[str, ...]
     commands_accepted: int
     commands_rejected: int
     commands_late: int
@@ -208,6 +211,9 @@ class Summary:
     def as_dict(self) -> dict[str, object]:
         """Keys and plain values, ready for JSON."""
         return asdict(self)
+
+
+SUMMARY_KEYS = tuple(field.name for field in fields(Summary))
 
 
 def summarize(
@@ -249,6 +255,7 @@ def summarize(
         moves=int(commands.size),
         limit_source=_limit_source(record, detection),
         gave_up_reason=next((e.text for e in record.events if e.kind == GIVE_UP_EVENT), None),
+        doubts=record.doubts,
         commands_accepted=record.counts.get("commands_accepted", 0),
         commands_rejected=record.counts.get("commands_rejected", 0),
         commands_late=record.counts.get("commands_late", 0),

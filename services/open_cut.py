@@ -14,11 +14,12 @@ from scipy import ndimage, signal
 from pitch import OneModeProcess, rightmost_root
 from services.closed_loop import open_loop
 from services.config import Case
+from services.doubts import doubts_of, refusing
 from services.messages import Floats
 from services.metrics import first_held, vibration_envelope
 from services.nodes.machine import make_plant
 from services.tape import plant_surface
-from turning_sim import Simulator, validity
+from turning_sim import Simulator
 
 HELD_REVOLUTIONS = 2.0
 """Vibration that stays above the threshold for so long is chatter."""
@@ -26,6 +27,10 @@ PLATEAU_S = 0.25
 """A frequency that stands for so long is a plateau."""
 SAME_HZ = 12.0
 """Frequencies nearer than this belong to one plateau: hops are 40 Hz at 1200 1/min."""
+
+
+KEYS = ("chatter", "chatter_hz", "growth_rate_1_s", "amplitude_um", "ra_um", "plateaus", "doubts")
+"""Of the command line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +61,7 @@ class OpenCut:
     plateaus
         Where which frequency stood.
     doubts
-        What lies outside the range in which the model holds.
+        What lies outside the range of the model.
     """
 
     chatter: bool
@@ -72,15 +77,8 @@ class OpenCut:
 
     def as_dict(self) -> dict[str, object]:
         """Return the keys of the command line."""
-        return {
-            "chatter": self.chatter,
-            "chatter_hz": self.chatter_hz,
-            "growth_rate_1_s": self.growth_rate_1_s,
-            "amplitude_um": self.amplitude_um,
-            "ra_um": self.ra_um,
-            "plateaus": [asdict(plateau) for plateau in self.plateaus],
-            "doubts": list(self.doubts),
-        }
+        values: dict[str, object] = {key: getattr(self, key) for key in KEYS}
+        return values | {"plateaus": [asdict(plateau) for plateau in self.plateaus], "doubts": list(self.doubts)}
 
     def words(self) -> str:
         """Return the same for people."""
@@ -123,7 +121,8 @@ def cut_open(case: Case, seed: int, shift: float, length: float) -> OpenCut:
     plant = make_plant(case, seed, initial_shift=shift, air_time=0.05)
     rate, cutting = case.settings.sample_rate_hz, case.cutting
     samples = round((0.05 + length / (cutting.feed_per_rev * cutting.spindle_hz)) * rate)
-    block = open_loop(case, plant, samples, shift)
+    with refusing(case, KEYS, shift):
+        block = open_loop(case, plant, samples, shift)
     entry = int(np.argmax(block.in_cut)) + math.ceil(rate / cutting.spindle_hz)
     vibration, position = 1e6 * block.vibration, 1e3 * block.tool_position
     middle = case.settings.reference_chatter_hz
@@ -136,7 +135,7 @@ def cut_open(case: Case, seed: int, shift: float, length: float) -> OpenCut:
     growth = _growth(case, plant, shift)
     common: dict[str, Any] = {
         "growth_rate_1_s": growth,
-        "doubts": _doubts(case, shift),
+        "doubts": doubts_of(case, shift, length),
         "length_mm": 1e3 * length,
         "rate_hz": rate,
         "vibration_um": 1e6 * block.vibration,
@@ -161,13 +160,6 @@ def _strongest_line(vibration: Floats, rate: float, middle: float) -> float:
     frequency, power = signal.periodogram(vibration, rate, window="hann", nfft=max(4 * vibration.size, 1 << 16))
     power[(frequency < 0.6 * middle) | (frequency > 1.4 * middle)] = 0.0
     return float(frequency[np.argmax(power)])
-
-
-def _doubts(case: Case, shift: float) -> tuple[str, ...]:
-    """Return what lies outside the range of the model where the tools enter, in words."""
-    position = case.settings.start_position
-    found = validity(case.workpiece, case.cutting, model=case.process, tool_position=position, shift=shift)
-    return tuple(map(str, found))
 
 
 def _growth(case: Case, plant: Simulator, shift: float) -> float:

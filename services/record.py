@@ -69,7 +69,7 @@ class RunRecord:
     """A closed-loop run and its uncontrolled twin (the same seed, never moved).
 
     `chatter_band_hz` is where vibration is judged, `search_band_hz` where the monitor looks for chatter;
-    `guard_limits` are all limits of the guard in words.
+    `guard_limits` are all limits of the guard in words, `doubts` what lies outside the range of the model.
     """
 
     case: str
@@ -84,6 +84,7 @@ class RunRecord:
     threshold_um: float
     shift_limit_deg: float
     guard_limits: tuple[str, ...]
+    doubts: tuple[str, ...]
     controlled: CutSeries
     twin: CutSeries
     reports: ReportSeries

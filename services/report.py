@@ -89,7 +89,7 @@ def render(record: RunRecord, summary: Summary, directory: Path) -> str:
             _section("Event log", _events(record)),
             _section("Limits in force", _limits(record, summary)),
             _section("Configuration and versions", _configuration(record)),
-            _section("What was not verified", _not_verified()),
+            _section("What was not verified", _not_verified(record)),
         )
     )
     style = files("services").joinpath("report.css").read_text(encoding="utf-8")
@@ -263,5 +263,7 @@ def _configuration(record: RunRecord) -> str:
     )
 
 
-def _not_verified() -> str:
-    return '<ul class="limits-of-report">' + "".join(f"<li>{escape(line)}</li>" for line in NOT_VERIFIED) + "</ul>"
+def _not_verified(record: RunRecord) -> str:
+    outside = [f"Outside the range of the model, so do not trust the numbers above: {d}." for d in record.doubts]
+    lines = "".join(f"<li>{escape(line)}</li>" for line in (*outside, *NOT_VERIFIED))
+    return f'<ul class="limits-of-report">{lines}</ul>'

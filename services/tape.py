@@ -12,6 +12,7 @@ import numpy as np
 
 from chatter import LoadSideObserver
 from services.config import Case
+from services.doubts import doubts_of
 from services.messages import (
     ChatterReport,
     Event,
@@ -202,6 +203,7 @@ def make_record(
         threshold_um=1e6 * settings.threshold * 0.5 * cutting.feed_per_rev,
         shift_limit_deg=math.degrees(case.limits.target),
         guard_limits=case.limits.describe(),
+        doubts=doubts_of(case, math.radians(max((abs(c.shift_deg) for c in tape.of(TurretCommand)), default=0.0))),
         controlled=controlled_series(case, tape, surface),
         twin=twin,
         reports=report_series(tape),

@@ -15,6 +15,7 @@ _SPEED_HZ = (10.0, 50.0)
 _FREQUENCY_HZ = (300.0, 1500.0)
 _SHIFT = math.radians(20.0)
 _BUCKLING_SHARE = 0.1
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,20 +28,27 @@ class Doubt:
         Of the quantity.
     value : float
         What it is (SI).
-    rule : str
-        What it should be.
+    least, most : float
+        Between what it should be (SI).
     reason : str
         What the model leaves out otherwise.
     """
 
     name: str
     value: float
-    rule: str
+    least: float = -math.inf
+    most: float = math.inf
     reason: str
 
     def __str__(self) -> str:
-        """Return one sentence."""
-        return f"{self.name} should be {self.rule}, got {self.value:.6g}: {self.reason}"
+        """Return one sentence, in SI."""
+        return self.sentence(self.name)
+
+    def sentence(self, name: str, unit: float = 1.0) -> str:
+        """Return one sentence with another name for the quantity, in a unit of so much SI."""
+        least, most = self.least / unit, self.most / unit
+        rule = f"in {least:.6g}...{most:.6g}" if math.isfinite(least) else f"at most {most:.6g}"
+        return f"{name} should be {rule}, got {self.value / unit:.6g}: {self.reason}"
 
 
 def validity(
@@ -76,16 +84,14 @@ def _of_cut(cutting: Cutting, model: ProcessModel) -> Iterator[Doubt]:
     depth, radius, feed = cutting.depth_of_cut, cutting.nose_radius, cutting.feed_per_rev / 2.0
     nose = radius * (1.0 - math.cos(min(cutting.approach_angle, math.pi / 2.0)))
     yield from _within("depth_of_cut", depth, _DEPTH, "force law and size effect are fitted there")
-    if depth > nose and model.cut == "linear":
-        reason = "the flank cuts too; stiffness and overlap must belong to this depth"
-        yield Doubt(name="depth_of_cut", value=depth, rule=f"at most {nose:.6g}, the height of the nose", reason=reason)
-    if depth > nose and model.cut == "surface" and cutting.approach_angle > TURN_OVER:
-        reason = "the map takes the engaged flank as one of 88 deg"
-        yield Doubt(name="approach_angle", value=cutting.approach_angle, rule="at most 88 deg", reason=reason)
-    if feed >= radius / 3.0:
-        reason = "the chip is no longer that of a nose"
-        rule = f"below {radius / 3.0:.6g}, a third of the nose radius"
-        yield Doubt(name="feed_per_tool", value=feed, rule=rule, reason=reason)
+    if model.cut == "linear":
+        reason = "beyond the height of the nose the flank cuts too; stiffness and overlap must belong to this depth"
+        yield from _within("depth_of_cut", depth, (-math.inf, nose), reason)
+    elif depth > nose * (1.0 + _ROUNDING):
+        reason = "beyond the height of the nose the map takes the engaged flank as one of 88 deg"
+        yield from _within("approach_angle", cutting.approach_angle, (-math.inf, TURN_OVER), reason)
+    reason = "beyond a third of the nose radius the chip is no longer that of a nose"
+    yield from _within("feed_per_tool", feed, (-math.inf, radius / 3.0), reason)
     yield from _within("spindle_hz", cutting.spindle_hz, _SPEED_HZ, "process damping is fitted there")
 
 
@@ -100,19 +106,17 @@ def _of_bar(workpiece: Workpiece, cutting: Cutting, tool_position: float) -> Ite
     inertia = math.pi * workpiece.cutting_diameter**4 / 64.0
     euler = math.pi**2 * workpiece.young_modulus * inertia / (4.0 * workpiece.length**2)
     axial = 2.0 * cutting.steady_forces[0] * math.tan(cutting.chip.thrust_direction)
-    if axial > _BUCKLING_SHARE * euler:
-        reason = "the feed force softens the bar, which may buckle"
-        yield Doubt(name="feed_force", value=axial, rule=f"below {_BUCKLING_SHARE * euler:.6g}", reason=reason)
-    if 2.0 * cutting.depth_of_cut >= workpiece.cutting_diameter:
-        reason = "nothing is left of the bar"
-        yield Doubt(name="depth_of_cut", value=cutting.depth_of_cut, rule="below the radius of the bar", reason=reason)
+    reason = "beyond a tenth of Euler's load the feed force softens the bar, which may buckle"
+    yield from _within("feed_force", axial, (-math.inf, _BUCKLING_SHARE * euler), reason)
+    radius = workpiece.cutting_diameter / 2.0
+    yield from _within("depth_of_cut", cutting.depth_of_cut, (-math.inf, radius), "nothing is left of the bar")
 
 
 def _of_shift(shift: float) -> Iterator[Doubt]:
-    if abs(shift) > _SHIFT:
-        yield Doubt(name="shift", value=shift, rule="within 20 deg", reason="the tool no longer keeps its angles")
+    yield from _within("shift", shift, (-_SHIFT, _SHIFT), "the tool no longer keeps its angles")
 
 
 def _within(name: str, value: float, limits: tuple[float, float], reason: str) -> Iterator[Doubt]:
-    if not limits[0] <= value <= limits[1]:
-        yield Doubt(name=name, value=value, rule=f"in {limits[0]:g}...{limits[1]:g}", reason=reason)
+    slack = _ROUNDING * abs(value)
+    if not limits[0] - slack <= value <= limits[1] + slack:
+        yield Doubt(name=name, value=value, least=limits[0], most=limits[1], reason=reason)

@@ -18,11 +18,14 @@ from services.cli.app import INTERRUPTED, JsonFlag, OutDir, Seed, app, console, 
 from services.clock import WallClock
 from services.closed_loop import Outcome, judge, run_loop
 from services.config import Case, load_case
+from services.doubts import notes
 from services.errors import InputError
 from services.messages import Message
 from services.reproduce.plant import MODELS, PlantName
 from services.tape import Tape
 
+WIDEST_DEG = 20.0
+"""Shift up to which a tool keeps its angles."""
 CaseName = Annotated[str, typer.Argument(help="Name of a shipped case, or path of a TOML file.")]
 ArmAfter = Annotated[
     float, typer.Option("--arm-after-s", help="Arm the guard this late: lets the chatter grow first (s).")
@@ -217,7 +220,7 @@ def words(outcome: Outcome) -> str:
     from services.sentences import verdict
 
     said = verdict(outcome.record, outcome.summary)
-    return "\n".join((said.title, *said.sentences))
+    return "\n".join((said.title, *said.sentences)) + notes(outcome.summary.doubts)
 
 
 @app.command()
@@ -238,7 +241,7 @@ def simulate(
     from services.open_cut import OpenCut, cut_open
 
     config = load_case(case, None if plant is None else MODELS[model_of(plant)])
-    limit = math.degrees(config.limits.shift)
+    limit = min(math.degrees(config.limits.shift), WIDEST_DEG)
     require("shift-deg", shift_deg, f"within +-{limit:g} deg, the limit of the case", abs(shift_deg) <= limit)
     length = _feed_length(config, feed_length_mm)
     folder = writable_folder(out)
@@ -248,9 +251,7 @@ def simulate(
     answer = result.as_dict() | {"case": config.name, "seed": used, "shift_deg": shift_deg}
     if folder is not None:
         answer["written"] = result.write(folder)
-    for doubt in result.doubts:
-        _say(f"note: {doubt}")
-    emit(answer, result.words(), as_json)
+    emit(answer, result.words() + notes(result.doubts), as_json)
 
 
 def _feed_length(case: Case, length_mm: float | None) -> float:

@@ -9,6 +9,7 @@ import typer
 from services.cli.app import JsonFlag, OutDir, Seed, app, emit, writable_folder
 from services.cli.loop import PlantModel, model_of, progress_bar
 from services.clock import WallClock
+from services.doubts import notes
 from services.errors import InputError
 
 NAMES = ("chapter6",)
@@ -48,7 +49,8 @@ def _line(row: dict[str, Any]) -> str:
     sign = "agrees " if row["agrees"] else "DIFFERS"
     values = f"printed {_value(row['printed'])}, computed {_value(row['computed'])}{unit}"
     why = "" if row["agrees"] else f"\n        {row['why']}"
-    return f"{sign} {row['source']}: {row['quantity']}: {values}{why}"
+    outside = notes(row["doubts"]).replace("\n", "\n        ")
+    return f"{sign} {row['source']}: {row['quantity']}: {values}{why}{outside}"
 
 
 def _value(value: float | str | None) -> str:

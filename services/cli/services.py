@@ -14,6 +14,7 @@ from services.bus import Node
 from services.cli.app import JsonFlag, Seed, app, console, emit, positive, require
 from services.clock import WallClock
 from services.config import Case, load_case
+from services.doubts import doubts_of, notes, refusing
 from services.errors import InputError, RefusalError
 from services.messages import Event
 from services.process import Parent, Stopped, StopSignal, end_within
@@ -97,7 +98,7 @@ def machine(
     from services.closed_loop import blocks_of
     from services.messages import BLOCK_S
     from services.nodes.machine import MachineNode
-    from services.pace import PacedMachine
+    from services.pace import Paced, PacedMachine
 
     config = load_case(case)
     positive("wait-s", wait_s, "s")
@@ -114,14 +115,15 @@ def machine(
         where = listen or (None if connect else DEFAULT_ENDPOINT)
         with on_bus(check_machine(name or config.settings.machine), connect, where, stop) as bus:
             bus.serve_config(config.text)
-            say("\n".join(("limits of the guard:", *config.limits.describe())))
+            say("\n".join(("limits of the guard:", *config.limits.describe())) + notes(doubts_of(config)))
             if arm_after_s is None:
                 say("the guard is OFF until `antiphase operator arm` (or --arm-after-s)")
             armed = None if arm_after_s is None else round(arm_after_s / BLOCK_S)
             with _audit(event_log, config, run) as log:
                 node = MachineNode(config, used, run)
                 paced = PacedMachine(node, bus, run, clock=WallClock(), stop=stop, say=say, log=log)
-                counts = paced.run(blocks, arm_block=armed, wait_s=wait_s)
+                with refusing(config, Paced().summary(False)):
+                    counts = paced.run(blocks, arm_block=armed, wait_s=wait_s)
             answer = {"service": "machine", "machine": bus.machine, "run": run, "case": config.name, "seed": used}
             answer |= counts.summary(latencies) | {"endpoint": bus.endpoint} | paced.noticed()
     emit(answer, _words(answer), as_json)
@@ -292,6 +294,7 @@ def up(
         arm_after_s=arm_after_s,
         lasts=tuple(lasts),
     )
+    say(f"{config.name}: {config.settings.title}" + notes(doubts_of(config)))
     with StopSignal() as stop:
         answer = keep_up(plan, listen or DEFAULT_ENDPOINT, stop=stop, clock=WallClock(), say=say)
     emit(answer, _words(answer), as_json)

@@ -9,7 +9,7 @@ import numpy as np
 from services.metrics import vibration_envelope
 from services.open_cut import OpenCut, cut_open
 from services.reproduce.plant import PlantName, hertz, prepared_case, strongest_of_pass
-from services.reproduce.rows import Row, said
+from services.reproduce.rows import Row, doubted, said
 
 LENGTH = 0.020
 _PLACES = [0.005 * k for k in range(10)]
@@ -55,6 +55,7 @@ def depth_rows(cuts: tuple[DepthCut, ...]) -> list[Row]:
     """Return growth and verdict of both depths."""
     rows: list[Row] = []
     for one in cuts:
+        at = len(rows)
         growth, chatter = one.root.real, one.cut.chatter
         source, what = "Table 6-2", f"{one.depth_mm:g} mm deep at 130 mm projection"
         why = f"the sign decides; strongest over 45 mm from the tip, at {hertz(one.root):.0f} Hz; the set of {one.case}"
@@ -67,7 +68,8 @@ def depth_rows(cuts: tuple[DepthCut, ...]) -> list[Row]:
         printed, found = ("chatter" if value else "quiet" for value in (one.printed_chatter, chatter))
         why = f"held above 5 % of the feed per tool; {one.cut.amplitude_um or 0:.1f} um over {1e3 * LENGTH:g} mm"
         rows.append(said(source, f"{what}: simulated", printed, found, chatter == one.printed_chatter, why=why))
+        rows[at:] = doubted(rows[at:], one.cut.doubts)
     ratio = cuts[0].variance_um2 / cuts[1].variance_um2
     why = f"at least {_VARIANCE_RATIO:g}: 'significantly different'; of the vibration in the band, not of the force"
-    rows.append(said("Fig. 6-9", "variance at 0.2 over at 0.3 mm", ">> 1", ratio, ratio > _VARIANCE_RATIO, why=why))
-    return rows
+    last = said("Fig. 6-9", "variance at 0.2 over at 0.3 mm", ">> 1", ratio, ratio > _VARIANCE_RATIO, why=why)
+    return [*rows, *doubted([last], (doubt for one in cuts for doubt in one.cut.doubts))]

@@ -10,7 +10,7 @@ from pitch import optimal_pitch_difference
 from services.open_cut import OpenCut, cut_open
 from services.reproduce import published as thesis
 from services.reproduce.plant import PlantName, Progress, hertz, prepared_case, strongest_of_pass, strongest_root
-from services.reproduce.rows import Row, near, said
+from services.reproduce.rows import Row, doubted, near, said
 
 LENGTH = 0.063
 NOISE = {"case.start_position_mm": 0.0, "cutting.force_noise_n_per_rthz": 0.1}
@@ -57,7 +57,8 @@ def study_pass(
 
 def pass_rows(study: PassStudy) -> list[Row]:
     """Return the frequencies, the hops, and the roughness."""
-    return [*_linear(study), *_plateaus(study), *_after(study), *_roughness(study)]
+    rows = [*_linear(study), *_plateaus(study), *_after(study), *_roughness(study)]
+    return doubted(rows, (doubt for cut in (*study.equal, *study.shifted) for doubt in cut.doubts))
 
 
 def _linear(study: PassStudy) -> list[Row]:

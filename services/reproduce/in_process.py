@@ -17,7 +17,7 @@ from services.nodes.machine import make_plant
 from services.record import RunRecord
 from services.reproduce import published as thesis
 from services.reproduce.plant import PlantName, Progress, feed_speed, prepared_case
-from services.reproduce.rows import Row, near, said
+from services.reproduce.rows import Row, doubted, near, said
 from turning_sim import slides_of_shift
 
 CASE = "thesis-738"
@@ -148,7 +148,8 @@ def scheme_marks(plant: PlantName, seed: int) -> float:
 
 def in_process_rows(study: InProcess) -> list[Row]:
     """Return the case at 738 Hz and the cost of a slow scheme."""
-    return [*_chatter(study), *_move(study), *_marks(study)]
+    rows = [*_chatter(study), *_move(study), *_marks(study)]
+    return doubted(rows, (doubt for run in study.late for doubt in run.record.doubts))
 
 
 def _chatter(study: InProcess) -> list[Row]:

@@ -14,7 +14,7 @@ from services.open_cut import OpenCut, cut_open
 from services.reproduce import published as thesis
 from services.reproduce.equal_pitch import NOISE
 from services.reproduce.plant import PlantName, Progress, hertz, prepared_case, strongest_of_pass
-from services.reproduce.rows import Row, said
+from services.reproduce.rows import Row, doubted, said
 
 LENGTH = 0.045
 _PLACES = [0.005 * k for k in range(10)]
@@ -96,7 +96,7 @@ def _with_stiffness(case: Case, factor: float) -> Case:
 
 def phase_rows(cuts: tuple[PhaseCut, ...]) -> list[Row]:
     """Return linear growth and simulated verdict for each phase."""
-    return [row for cut in cuts for row in (_linear(cut), _simulated(cut))]
+    return [row for cut in cuts for row in doubted((_linear(cut), _simulated(cut)), cut.cuts[0].doubts)]
 
 
 def _word(chatter: bool) -> str:

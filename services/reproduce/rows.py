@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 Value = float | str | None
@@ -27,6 +27,8 @@ class Row:
         Whether they agree within the tolerance that `why` states.
     why
         Why this tolerance, or why they do not agree.
+    doubts
+        What of the cut lies outside the range of the model, in words.
     """
 
     source: str
@@ -36,6 +38,7 @@ class Row:
     unit: str
     agrees: bool
     why: str
+    doubts: tuple[str, ...] = ()
 
 
 def near(
@@ -66,6 +69,12 @@ def near(
 def said(source: str, quantity: str, printed: str, computed: Value, agrees: bool, *, why: str, unit: str = "") -> Row:
     """Return a row for something printed in words."""
     return Row(source=source, quantity=quantity, printed=printed, computed=computed, unit=unit, agrees=agrees, why=why)
+
+
+def doubted(rows: Iterable[Row], doubts: Iterable[str]) -> list[Row]:
+    """Return the rows of a cut with what lies outside the range of the model, each doubt once."""
+    said = tuple(dict.fromkeys(doubts))
+    return [replace(row, doubts=said) for row in rows]
 
 
 def as_table(rows: Iterable[Row]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from services.doubts import doubts_of
 from services.messages import Floats
 from services.metrics import vibration_envelope
 from services.nodes.machine import make_plant
@@ -14,7 +15,7 @@ from services.reproduce import published as thesis
 from services.reproduce.equal_pitch import NOISE
 from services.reproduce.formulas import half_angle_deg
 from services.reproduce.plant import PlantName, feed_speed, hertz, prepared_case, strongest_root
-from services.reproduce.rows import Row, near, said
+from services.reproduce.rows import Row, doubted, near, said
 from turning_sim import slides_of_shift
 
 SWEEP_S, SHIFT_DEG = 20.0, 20.0
@@ -34,6 +35,8 @@ class Sweep:
         Every 0.1 s, shape (k,): half angle, amplitude, and the phase at the momentary frequency.
     fixed_shift_deg, fixed_growth
         Growth (1/s) of the strongest root with the tools 6 mm from the tip.
+    doubts
+        What lies outside the range of the model.
     """
 
     rate_hz: float
@@ -47,6 +50,7 @@ class Sweep:
     cell_phase_pi: Floats
     fixed_shift_deg: Floats
     fixed_growth: Floats
+    doubts: tuple[str, ...]
 
     def quietest(self, odd: int) -> tuple[float, float, float] | None:
         """Return half angle (deg), phase (pi) and amplitude (um) where it is quietest within pi of an odd phase."""
@@ -96,12 +100,13 @@ def study_sweep(plant: PlantName, seed: int) -> Sweep:
         cell_phase_pi=2.0 * np.radians(cell_shift) * line / (math.pi * case.cutting.spindle_hz),
         fixed_shift_deg=fixed,
         fixed_growth=np.array([strongest_root(case, _FIXED_AT, math.radians(float(h))).real for h in fixed]),
+        doubts=doubts_of(case, math.radians(SHIFT_DEG), feed_speed(case) * (_HELD_S + SWEEP_S)),
     )
 
 
 def sweep_rows(sweep: Sweep) -> list[Row]:
     """Return where the sweep is quiet and how quiet."""
-    return [*_quiet_places(sweep), *_dips(sweep)]
+    return doubted([*_quiet_places(sweep), *_dips(sweep)], sweep.doubts)
 
 
 def _quiet_places(sweep: Sweep) -> list[Row]:

@@ -105,7 +105,7 @@ def make_record(
     return RunRecord(
         case="thesis-652", title="652 Hz chatter of a 25 mm bar between two turrets", seed=seed, sample_rate_hz=RATE_HZ,
         spindle_speed_rpm=1200.0, feed_mm_per_rev=0.15, diameter_mm=25.0, chatter_band_hz=(489.0, 815.0),
-        search_band_hz=(500.0, 750.0), guard_limits=("shift = 0.087 rad (5 deg)", "on_loss = hold"),
+        search_band_hz=(500.0, 750.0), guard_limits=("shift = 0.087 rad (5 deg)", "on_loss = hold"), doubts=(),
         threshold_um=3.75, shift_limit_deg=6.0,
         controlled=cut_series(time_s, controlled, shift, entry_s, seed),
         twin=cut_series(time_s, twin, np.zeros(n), entry_s, seed),
