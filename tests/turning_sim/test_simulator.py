@@ -171,24 +171,6 @@ def test_lost_contact_bounds_the_motion():
     assert np.abs(out["vibration"][-9000:]).max() < 100e-6
 
 
-def test_equal_scaling_leaves_the_motion():
-    """Mass, stiffness, damping, cutting coefficients and forces times two: the bar moves alike."""
-    from turning_sim import Chuck, ForceLaw
-
-    twice = {
-        "bar_changes": {
-            "young_modulus": 390e9, "density": 15860.0,
-            "chuck": Chuck(lateral_stiffness=2.86e8, tilt_stiffness=12.72e4),
-        },
-        "cut_changes": {
-            "cutting_stiffness": 2.12e6, "process_damping": 66.0, "force_noise": 0.04,
-            "force_law": ForceLaw(thrust_coefficient=6.38e9, tangential_coefficient=7.6e9),
-        },
-    }  # fmt: skip
-    one, two = (run(simulator(turret=immovable(), **changes), 0.3) for changes in ({}, twice))
-    assert two["bar_displacement"] == pytest.approx(one["bar_displacement"], abs=1e-9)
-
-
 def test_surface_follows_a_varying_spindle():
     """The delay is an angle: what one tool leaves at a phase, the other meets there, at any speed."""
     sim = simulator(air_time=0.0)
