@@ -1,7 +1,7 @@
 """What the monitor believes about the feed drives; never what they are."""
 
 from dataclasses import dataclass, fields
-from math import cos, isfinite, pi, sin
+from math import cos, inf, isfinite, pi, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ class NominalFeedDrive:
     thrust_delay : float
         Dead time from command to current (s).
     omega_current : float
-        Bandwidth of the current loop (rad/s).
+        Bandwidth of the current loop (rad/s); infinite if the thrust follows its command at once.
     """
 
     lead: float
@@ -60,7 +60,8 @@ class NominalFeedDrive:
         positive = {"lead", "rotor_inertia", "stage_mass", "screw_stiffness", "omega_current"}
         for field in fields(self):
             value = getattr(self, field.name)
-            if not isfinite(value) or value < 0.0 or (field.name in positive and value == 0.0):
+            known = isfinite(value) or (field.name == "omega_current" and value == inf)
+            if not known or value < 0.0 or (field.name in positive and value == 0.0):
                 rule = "positive" if field.name in positive else "at least 0"
                 raise ValueError(f"{field.name} must be {rule} and finite, got {value}")
 
@@ -75,9 +76,41 @@ class NominalFeedDrive:
         return self.rotor_inertia / self.travel_per_radian**2
 
     @property
+    def rotor_viscosity(self) -> float:
+        """Viscous damping of the motor side as seen at the slide (N s/m)."""
+        return self.rotor_damping / self.travel_per_radian**2
+
+    @property
     def mass_ratio(self) -> float:
         """Stage mass over rotor mass."""
         return self.stage_mass / self.rotor_mass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SingleAxis:
+    """One slide whose load is the force.
+
+    Parameters
+    ----------
+    drive : NominalFeedDrive
+        The drive.
+    """
+
+    drive: NominalFeedDrive
+
+    @property
+    def drives(self) -> tuple[NominalFeedDrive, ...]:
+        """The drive alone."""
+        return (self.drive,)
+
+    @property
+    def cross_mass(self) -> float:
+        """No other slide, no mass (kg)."""
+        return 0.0
+
+    def force_from_loads(self) -> NDArray[np.float64]:
+        """Return the matrix from load to force, shape (1, 1)."""
+        return np.ones((1, 1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +140,7 @@ class NominalTurret:
             raise ValueError(f"axis_angle must be in (0, pi), got {self.axis_angle}")
 
     @property
-    def drives(self) -> tuple[NominalFeedDrive, NominalFeedDrive]:
+    def drives(self) -> tuple[NominalFeedDrive, ...]:
         """Both drives, X1 first."""
         return self.x1, self.y1
 
