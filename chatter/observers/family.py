@@ -46,7 +46,7 @@ def two_encoder(
         Edge of the low-pass (Hz).
     order : int
         Its order.
-    compensation : {"full", "dead times", "none"}
+    compensation : {"full", "thrust", "none", "raw"}
         See `LinearObserver`.
     """
     system = single_or_turret(drives)
@@ -78,7 +78,7 @@ def linear_observer(
         Edge of the low-pass (Hz).
     order : int
         Its order.
-    compensation : {"full", "dead times", "none"}
+    compensation : {"full", "thrust", "none", "raw"}
         See `LinearObserver`; thrust alone is always taken as it was commanded.
     blend_hz : float
         Edge of the blended member (Hz).
@@ -98,7 +98,7 @@ def linear_observer(
     if name == "dob":
         gains = rigid_balance(system, sample_rate_hz)
     elif name == "thrust":
-        gains, compensation = thrust_itself(system), "none"
+        gains, compensation = thrust_itself(system), "raw"
     else:
         raise ValueError(f"name must be one of medob, vibration, load_side, blended, dob, thrust, got {name!r}")
     return LinearObserver(

@@ -61,9 +61,9 @@ class LinearObserver:
         Edge of the low-pass that all terms share (Hz).
     order : int
         Order of that Butterworth filter.
-    compensation : {"full", "dead times", "none"}
-        Whether signals of different age are aligned and the thrust passes the lag of the current loop; without the
-        lag; or neither.
+    compensation : {"full", "thrust", "none", "raw"}
+        `full`: signals of different age are aligned, and the thrust passes the lag of the current loop; `thrust`: as
+        if both encoders were as old as the older; `none`: lag alone; `raw`: nothing.
     blend_hz : float or None
         Edge below which the motor balance is added to the stage balance (Hz); None without rows to blend.
     sections : ndarray, shape (k, 5), optional
@@ -83,8 +83,8 @@ class LinearObserver:
         blend_hz: float | None = None,
         sections: Floats | None = None,
     ) -> None:
-        if compensation not in ("full", "dead times", "none"):
-            raise ValueError(f"compensation must be full, dead times or none, got {compensation!r}")
+        if compensation not in ("full", "thrust", "none", "raw"):
+            raise ValueError(f"compensation must be full, thrust, none or raw, got {compensation!r}")
         if not (np.isfinite(sample_rate_hz) and sample_rate_hz > 0.0):
             raise ValueError(f"sample_rate_hz must be positive, got {sample_rate_hz}")
         self.name = name
@@ -101,10 +101,10 @@ class LinearObserver:
             [d.motor_resolution for d in self.drives.drives] + [d.stage_resolution for d in self.drives.drives]
         )
         unit = np.where(self._resolution > 0.0, self._resolution, 1.0)
-        self._scaled = np.ascontiguousarray(gains[used])
+        self._scaled = gains[used].copy()
         self._scaled[: 2 * self.axes] *= unit[:, None, None]
         omega = np.array([d.omega_current for d in self.drives.drives])
-        self._lag = np.exp(-omega / self.sample_rate_hz) if compensation == "full" else np.full(self.axes, -1.0)
+        self._lag = np.exp(-omega / self.sample_rate_hz) if compensation != "raw" else np.full(self.axes, -1.0)
         self._blends = blend_hz is not None
         pole = np.pi * (blend_hz or 0.0) / self.sample_rate_hz
         self._blend = np.full(self.axes, (1.0 - np.tan(pole)) / (1.0 + np.tan(pole)))
@@ -114,8 +114,10 @@ class LinearObserver:
 
     def _ages(self, compensation: str) -> Floats:
         drives = self.drives.drives
-        ages = [d.motor_delay for d in drives] + [d.stage_delay for d in drives] + [-d.thrust_delay for d in drives]
-        return np.array(ages) if compensation != "none" else np.zeros(3 * self.axes)
+        ages = np.array([(d.motor_delay, d.stage_delay, -d.thrust_delay) for d in drives]).T
+        if compensation == "thrust":
+            ages[:2] = ages[:2].max(axis=0)
+        return ages.ravel() if compensation in ("full", "thrust") else np.zeros(3 * self.axes)
 
     def _allocate(self) -> None:
         signals = len(self._scaled)
@@ -178,10 +180,31 @@ class LinearObserver:
         return self._history.shape[1]
 
     @property
+    def age(self) -> float:
+        """Time (s) by which the balances lag: age of the signals and one sample of the kernel."""
+        return (self._alignment.age + 1.0) / self.sample_rate_hz
+
+    @property
     def latency(self) -> float:
-        """Time (s) by which the force lags: age of the signals, one sample of the kernel, filter at low frequency."""
-        age = (self._alignment.age + 1.0) / self.sample_rate_hz
-        return age + group_delay(self.sections, 0.0, self.sample_rate_hz)
+        """Time (s) by which the force lags: age of the balances, filter at low frequency."""
+        return self.age + group_delay(self.sections, 0.0, self.sample_rate_hz)
+
+    def taps(self, signal: int) -> Floats:
+        """Return the weights of the last samples of one signal in the load of one axis before the filter, newest first.
+
+        Parameters
+        ----------
+        signal : int
+            0 motor, 1 stage, 2 thrust.
+        """
+        if self.axes != 1 or self._blends:
+            raise ValueError(f"taps are of one axis without blending, got {self.name} of {self.axes} axes")
+        level, slope, curve = self.gains[signal, 0]
+        kernel = np.array([slope + curve, level - 2.0 * curve, curve - slope])
+        first, weights, _ = self._alignment
+        if signal >= len(first):
+            return np.zeros(1)
+        return np.convolve(np.concatenate([np.zeros(first[signal]), weights[signal]]), kernel)
 
     def weights(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
         """Return the gain from every measured signal to every load, shape (frequencies, axes, signals), (N/m or 1).
