@@ -21,6 +21,21 @@ class Alignment(NamedTuple):
         """Samples back of the oldest tap of any signal."""
         return int(self.first.max()) + self.weights.shape[1] - 1
 
+    def smoothed(self, taps: NDArray[np.float64], count: int) -> "Alignment":
+        """Return the same with the first signals smoothed over symmetric taps and the others delayed beside them.
+
+        Parameters
+        ----------
+        taps : ndarray, shape (2 n + 1,)
+            Weights.
+        count : int
+            How many signals are smoothed.
+        """
+        pure = np.zeros(len(taps))
+        pure[len(taps) // 2] = 1.0
+        rows = [np.convolve(w, taps if j < count else pure) for j, w in enumerate(self.weights)]
+        return Alignment(self.first, np.array(rows), self.age + len(taps) // 2)
+
 
 def lagrange(fraction: float) -> NDArray[np.float64]:
     """Return the weights that delay by 1 + fraction samples, fraction in [0, 1), newest first, shape (4,).

@@ -68,6 +68,10 @@ class LinearObserver:
         Edge below which the motor balance is added to the stage balance (Hz); None without rows to blend.
     sections : ndarray, shape (k, 5), optional
         Filter that takes the place of the low-pass.
+    smoothing : ndarray, shape (2 n + 1,), optional
+        Symmetric weights over which the positions are smoothed; the thrust is delayed by n samples beside them.
+    centre_hz : float
+        Where the latency is told (Hz).
     """
 
     def __init__(
@@ -82,6 +86,8 @@ class LinearObserver:
         compensation: str = "full",
         blend_hz: float | None = None,
         sections: Floats | None = None,
+        smoothing: Floats | None = None,
+        centre_hz: float = 0.0,
     ) -> None:
         if compensation not in ("full", "thrust", "none", "raw"):
             raise ValueError(f"compensation must be full, thrust, none or raw, got {compensation!r}")
@@ -97,6 +103,9 @@ class LinearObserver:
         self.needs_thrust = bool(gains[2 * self.axes :].any())
         used = slice(None) if self.needs_thrust else slice(2 * self.axes)
         self._alignment = align(self._ages(compensation)[used] * self.sample_rate_hz)
+        if smoothing is not None:
+            self._alignment = self._alignment.smoothed(smoothing, 2 * self.axes)
+        self._centre_hz = centre_hz
         self._resolution = np.array(
             [d.motor_resolution for d in self.drives.drives] + [d.stage_resolution for d in self.drives.drives]
         )
@@ -187,7 +196,7 @@ class LinearObserver:
     @property
     def latency(self) -> float:
         """Time (s) by which the force lags: age of the balances, filter at low frequency."""
-        return self.age + group_delay(self.sections, 0.0, self.sample_rate_hz)
+        return self.age + group_delay(self.sections, self._centre_hz, self.sample_rate_hz)
 
     def taps(self, signal: int) -> Floats:
         """Return the weights of the last samples of one signal in the load of one axis before the filter, newest first.
