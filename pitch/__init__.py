@@ -14,6 +14,8 @@ if TYPE_CHECKING:
         slide_set_points,
         turret_offset,
     )
+    from pitch.islands import stable_intervals
+    from pitch.modes import Mode, TurningProcess, process_roots
     from pitch.optimum import optimal_pitch_difference, pitch_difference_for_phase, regenerative_phase
     from pitch.planner import Planner
     from pitch.situation import Cause, Decision, Situation
@@ -24,6 +26,7 @@ __all__ = [
     "ArcPosition",
     "Cause",
     "Decision",
+    "Mode",
     "OneModeProcess",
     "Planner",
     "PlannerConfig",
@@ -31,6 +34,7 @@ __all__ = [
     "Situation",
     "StabilityUnresolved",
     "TrajectoryLimits",
+    "TurningProcess",
     "TurretOffset",
     "advise",
     "arc_position",
@@ -38,10 +42,12 @@ __all__ = [
     "offset_from_slides",
     "optimal_pitch_difference",
     "pitch_difference_for_phase",
+    "process_roots",
     "regenerative_phase",
     "rightmost_root",
     "roots",
     "slide_set_points",
+    "stable_intervals",
     "turret_offset",
 ]
 
@@ -51,6 +57,8 @@ _HOME = {
     "geometry": (
         "ArcPosition", "TurretOffset", "arc_position", "offset_from_slides", "slide_set_points", "turret_offset",
     ),
+    "islands": ("stable_intervals",),
+    "modes": ("Mode", "TurningProcess", "process_roots"),
     "optimum": ("optimal_pitch_difference", "pitch_difference_for_phase", "regenerative_phase"),
     "planner": ("Planner",),
     "situation": ("Cause", "Decision", "Situation"),

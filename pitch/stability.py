@@ -32,6 +32,7 @@ from scipy.optimize import brentq
 
 from pitch._checks import finite, positive, within
 from pitch.collocation import delay_eigenvalues
+from pitch.polish import distinct, polished
 
 _MAX_NODES = 2000  # eigenvalues of 2000 x 2000 take several seconds; beyond, refuse
 _MAX_SAMPLES = 20_000_000
@@ -184,7 +185,7 @@ def roots(
     rough = delay_eigenvalues(present, [(back, p.tau_1), (back, p.tau_2)], nodes)
     rough = rough[(rough.imag >= 0.0) & (rough.imag <= 2 * math.pi * f_max)]
     rough = rough[np.argsort(-rough.real)][: 4 * count + 8]
-    return _distinct(_polished(p, K, rough))[:count]
+    return distinct(polished(partial(_characteristic, p, K), rough, p.half_turn, longest))[:count]
 
 
 class _Symbols(NamedTuple):
@@ -259,24 +260,3 @@ def _characteristic(
     one, two = np.exp(-s * p.tau_1), np.exp(-s * p.tau_2)
     value = p.m * s**2 + p.C * s + p.k + K * (2 + p.mu * (one + two))
     return value, 2 * p.m * s + p.C - K * p.mu * (p.tau_1 * one + p.tau_2 * two)
-
-
-def _polished(p: _Symbols, K: float, rough: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Newton's method from each rough root; those that wander off or do not settle were spurious."""
-    rough = rough[rough.real > -300.0 / max(p.tau_1, p.tau_2)]
-    s, near = rough.copy(), 0.1 * math.pi / p.half_turn
-    step = np.zeros_like(s)
-    for _ in range(12):
-        value, slope = _characteristic(p, K, s)
-        step = value / np.where(slope == 0.0, 1.0, slope)
-        s = s - step * np.minimum(1.0, near / np.maximum(np.abs(step), 1e-300))
-    good = (np.abs(step) < 1e-8 * (1 + np.abs(s))) & (np.abs(s - rough) < near)
-    return s[good]
-
-
-def _distinct(found: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    kept: list[complex] = []
-    for one in sorted((complex(z.real, abs(z.imag)) for z in found), key=lambda z: -z.real):
-        if all(abs(one - other) > 1e-6 * (1 + abs(one)) for other in kept):
-            kept.append(one)
-    return np.array(kept, dtype=np.complex128)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from services.cli.app import JsonFlag, app, emit, positive, require
+from services.errors import RefusalError
+
+if TYPE_CHECKING:
+    from pitch import OneModeProcess
 
 SpeedRpm = Annotated[float, typer.Option("--speed-rpm", help="Spindle speed (1/min).")]
 
@@ -75,7 +79,7 @@ def stability(
     as_json: JsonFlag = False,
 ) -> None:
     """Give the limit of stability of one bending mode between two tools, and the root at a given stiffness."""
-    from pitch import OneModeProcess, critical_stiffness, rightmost_root
+    from pitch import OneModeProcess, StabilityUnresolved
 
     positive("mass-kg", mass_kg, "kg")
     positive("natural-hz", natural_hz, "Hz")
@@ -91,14 +95,30 @@ def stability(
         overlap=overlap,
         process_damping=process_damping,
     )
-    difference = math.radians(pitch_difference_deg)
+    if stiffness is not None:
+        positive("stiffness", stiffness, "N/m")
+    answer: dict[str, Any] = dict.fromkeys(("critical_stiffness_n_m", "critical_hz", "stable_intervals_n_m"))
+    answer |= {} if stiffness is None else dict.fromkeys(("growth_rate_1_s", "root_hz", "stable"))
+    try:
+        text = _stability(process, spindle_hz, math.radians(pitch_difference_deg), stiffness, answer)
+    except StabilityUnresolved as error:
+        raise RefusalError(str(error), answer) from error
+    emit(answer, text, as_json)
+
+
+def _stability(
+    process: OneModeProcess, spindle_hz: float, difference: float, stiffness: float | None, answer: dict[str, Any]
+) -> str:
+    """Fill the keys of `stability` and return the same in words."""
+    from pitch import StabilityUnresolved, critical_stiffness, rightmost_root, stable_intervals
+
     limit, limit_hz = critical_stiffness(process, spindle_hz, difference)
-    answer: dict[str, Any] = {"critical_stiffness_n_m": limit, "critical_hz": limit_hz}
+    answer |= {"critical_stiffness_n_m": limit, "critical_hz": limit_hz}
     text = f"Stability is lost at {limit:.6g} N/m, at {limit_hz:.2f} Hz."
     if not math.isfinite(limit):
         text = "No stiffness loses stability."
     if stiffness is not None:
-        root = rightmost_root(process, positive("stiffness", stiffness, "N/m"), spindle_hz, difference)
+        root = rightmost_root(process, stiffness, spindle_hz, difference)
         answer |= {
             "growth_rate_1_s": root.real,
             "root_hz": abs(root.imag) / (2 * math.pi),
@@ -106,4 +126,9 @@ def stability(
         }
         grows = "dies out" if root.real < 0 else "grows"
         text += f"\nAt {stiffness:g} N/m it {grows} at {root.real:+.3f} 1/s, {answer['root_hz']:.2f} Hz."
-    emit(answer, text, as_json)
+    try:
+        intervals = stable_intervals(process, spindle_hz, difference)
+    except StabilityUnresolved as error:
+        return f"{text}\nIslands are not searched for: {error}."
+    answer["stable_intervals_n_m"] = [list(interval) for interval in intervals]
+    return text + "".join(f"\nAn island is stable from {low:.6g} to {high:.6g} N/m." for low, high in intervals[1:])

@@ -80,6 +80,19 @@ def test_stability_of_the_thesis(capsys):
     assert answer["critical_stiffness_n_m"] == pytest.approx(90073.41, rel=1e-4)
     assert answer["growth_rate_1_s"] == pytest.approx(-10.32337, rel=1e-3)
     assert answer["stable"] is True
+    assert len(answer["stable_intervals_n_m"]) == 2
+    low, high = answer["stable_intervals_n_m"][1]
+    assert low < 1e6 < high
+
+
+def test_what_is_too_slow_to_search_is_said(capsys):
+    known = ["--mass-kg", 0.188, "--natural-hz", 421, "--damping", 0.03, "--pitch-difference-deg", 0]
+    code, answer = run(capsys, "stability", *known, "--speed-rpm", 0.6)
+    assert (code, answer["stable_intervals_n_m"]) == (0, None)
+    code, answer = run(capsys, "stability", *known, "--speed-rpm", 0.6, "--stiffness", 1e6)
+    assert code == 3
+    assert answer["growth_rate_1_s"] is None
+    assert "waves in one delay" in answer["reason"]
 
 
 def test_simulate(capsys):
