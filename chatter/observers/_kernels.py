@@ -73,7 +73,7 @@ def _balance(aligned, gains, still, out):
 def residuals(motor, stage, thrust, seen, resolution, first, weights, gains, lag, origin, held, history, buffer, out):
     """Write the force balances, one sample behind the aligned signals.
 
-    Parameters: motor, stage, thrust (n, axes), thrust without axes where no balance needs it; seen: samples before
+    Parameters: motor, stage, thrust (n, any), thrust without columns where no balance needs it; seen: samples before
     this block; resolution, first (signals,) and weights (signals, taps) of the signals, all motors, then all stages,
     then all thrusts; gains (signals, rows, 3): what level, d1 and d2 of each signal add to each balance; lag (axes,)
     with held (axes, 2): the current loops; origin (signals,), history (signals, reach): state; buffer (2, reach + n):
@@ -86,7 +86,8 @@ def residuals(motor, stage, thrust, seen, resolution, first, weights, gains, lag
         bad = other if bad == FINE or FINE < other < bad else bad
     if bad != FINE:
         return bad
-    samples, axes, reach = motor.shape[0], motor.shape[1], history.shape[1]
+    samples, motors, reach = motor.shape[0], motor.shape[1], history.shape[1]
+    positions = motors + stage.shape[1]
     if samples == 0:
         return FINE
     out[:] = 0.0
@@ -95,14 +96,14 @@ def residuals(motor, stage, thrust, seen, resolution, first, weights, gains, lag
         if seen == 0:
             history[j] = 0.0
         counts[:reach] = history[j]
-        if j >= 2 * axes:
-            k = j - 2 * axes
+        if j >= positions:
+            k = j - positions
             _to_current(thrust, k, lag[k], seen == 0, held[k], counts[reach:])
             if seen == 0:
                 counts[:reach] = counts[reach]
         else:
-            signal = motor if j < axes else stage
-            origin[j] = _to_counts(signal, j % axes, resolution[j], seen == 0, origin[j], counts[reach:])
+            signal, column = (motor, j) if j < motors else (stage, j - motors)
+            origin[j] = _to_counts(signal, column, resolution[j], seen == 0, origin[j], counts[reach:])
         history[j] = counts[samples:]
         _delay(counts, first[j], weights[j], aligned)
         _balance(aligned, gains[j], reach - seen, out)

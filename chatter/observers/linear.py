@@ -10,9 +10,11 @@ from chatter.filters import butterworth, group_delay, response, steady_state
 from chatter.observers import _kernels
 from chatter.observers.delays import align
 from chatter.observers.nominal import NominalFeedDrive, NominalTurret, SingleAxis
+from chatter.observers.triple_axis import TripleAxis
 
 Floats = NDArray[np.float64]
 Drives = NominalTurret | SingleAxis
+System = Drives | TripleAxis
 
 NO_THRUST: Floats = np.zeros((0, 0))
 
@@ -50,11 +52,11 @@ class LinearObserver:
     ----------
     name : str
         Of the estimator.
-    drives : NominalFeedDrive, SingleAxis or NominalTurret
+    drives : NominalFeedDrive, SingleAxis, NominalTurret or TripleAxis
         Nominal drives, with the angle and the cross mass of the slides where there are two.
     sample_rate_hz : float
         Sampling rate (Hz).
-    gains : ndarray, shape (3 axes, rows, 3)
+    gains : ndarray, shape (signals, rows, 3)
         What level, first and second difference of all motor positions, all stage positions and all thrusts (m, m, N)
         add to each balance (N); as many rows as axes, or twice as many: stage balances, then motor balances to blend.
     cutoff_hz : float
@@ -77,7 +79,7 @@ class LinearObserver:
     def __init__(
         self,
         name: str,
-        drives: NominalFeedDrive | Drives,
+        drives: NominalFeedDrive | System,
         sample_rate_hz: float,
         gains: Floats,
         *,
@@ -94,25 +96,25 @@ class LinearObserver:
         if not (np.isfinite(sample_rate_hz) and sample_rate_hz > 0.0):
             raise ValueError(f"sample_rate_hz must be positive, got {sample_rate_hz}")
         self.name = name
-        self.drives = single_or_turret(drives)
-        self.axes = len(self.drives.drives)
+        self.drives: System = SingleAxis(drive=drives) if isinstance(drives, NominalFeedDrive) else drives
+        sensors = self.drives.sensors
+        self.axes, self.motors = len(sensors.thrust_delays), len(sensors.motor_delays)
+        self._positions = self.motors + len(sensors.stage_delays)
         self.sample_rate_hz = float(sample_rate_hz)
         self.bandwidth_hz = float(cutoff_hz)
         self.sections = butterworth(order, cutoff_hz, sample_rate_hz) if sections is None else sections
         self.gains = gains
-        self.needs_thrust = bool(gains[2 * self.axes :].any())
-        used = slice(None) if self.needs_thrust else slice(2 * self.axes)
+        self.needs_thrust = bool(gains[self._positions :].any())
+        used = slice(None) if self.needs_thrust else slice(self._positions)
         self._alignment = align(self._ages(compensation)[used] * self.sample_rate_hz)
         if smoothing is not None:
-            self._alignment = self._alignment.smoothed(smoothing, 2 * self.axes)
+            self._alignment = self._alignment.smoothed(smoothing, self._positions)
         self._centre_hz = centre_hz
-        self._resolution = np.array(
-            [d.motor_resolution for d in self.drives.drives] + [d.stage_resolution for d in self.drives.drives]
-        )
+        self._resolution = np.array(sensors.resolutions)
         unit = np.where(self._resolution > 0.0, self._resolution, 1.0)
         self._scaled = gains[used].copy()
-        self._scaled[: 2 * self.axes] *= unit[:, None, None]
-        omega = np.array([d.omega_current for d in self.drives.drives])
+        self._scaled[: self._positions] *= unit[:, None, None]
+        omega = np.array(sensors.omega_currents)
         self._lag = np.exp(-omega / self.sample_rate_hz) if compensation != "raw" else np.full(self.axes, -1.0)
         self._blends = blend_hz is not None
         pole = np.pi * (blend_hz or 0.0) / self.sample_rate_hz
@@ -122,15 +124,16 @@ class LinearObserver:
         self._allocate()
 
     def _ages(self, compensation: str) -> Floats:
-        drives = self.drives.drives
-        ages = np.array([(d.motor_delay, d.stage_delay, -d.thrust_delay) for d in drives]).T
+        sensors = self.drives.sensors
+        positions = np.array([*sensors.motor_delays, *sensors.stage_delays])
         if compensation == "thrust":
-            ages[:2] = ages[:2].max(axis=0)
-        return ages.ravel() if compensation in ("full", "thrust") else np.zeros(3 * self.axes)
+            positions[:] = positions.max()
+        ages = np.concatenate([positions, -np.array(sensors.thrust_delays)])
+        return ages if compensation in ("full", "thrust") else np.zeros(len(ages))
 
     def _allocate(self) -> None:
         signals = len(self._scaled)
-        self._origin = np.zeros(2 * self.axes)
+        self._origin = np.zeros(self._positions)
         self._held = np.zeros((self.axes, 2))
         self._history = np.zeros((signals, self._alignment.reach + 2))
         self._slow = np.zeros((self.axes, 2))
@@ -145,24 +148,24 @@ class LinearObserver:
 
         Parameters
         ----------
-        motor_position : array_like, shape (n,) or (n, axes)
+        motor_position : array_like, shape (n,) or (n, motors)
             Positions by the motor encoders (m), as slide travel.
         stage_position : array_like, shape (n,) or (n, axes)
             Positions by the linear scales (m).
         thrust : array_like, shape (n,) or (n, axes), optional
             Commanded thrust (N); must be given where `needs_thrust` says so.
         """
-        motor, stage = as_block(motor_position, self.axes), as_block(stage_position, self.axes)
+        motor, stage = as_block(motor_position, self.motors), as_block(stage_position, self.axes)
         push = NO_THRUST
         if self.needs_thrust:
             if thrust is None:
                 raise ValueError(f"thrust must be given for the estimator {self.name}, got None")
             push = as_block(thrust, self.axes)
-            if push.shape != motor.shape:
-                raise ValueError(f"thrust must be of the shape of motor_position {motor.shape}, got {push.shape}")
-        if motor.shape != stage.shape:
+            if push.shape != stage.shape:
+                raise ValueError(f"thrust must be of the shape of stage_position {stage.shape}, got {push.shape}")
+        if len(motor) != len(stage):
             raise ValueError(f"stage_position must be of the shape of motor_position {motor.shape}, got {stage.shape}")
-        out = np.empty_like(motor)
+        out = np.empty_like(stage)
         residual = np.empty((len(motor), self._scaled.shape[1]))
         buffer = np.empty((2, self.first_valid_sample + len(motor)))
         first, weights, _ = self._alignment
@@ -174,14 +177,14 @@ class LinearObserver:
             reject_non_finite(np.hstack([motor, stage, push] if push.size else [motor, stage]), bad, self._seen)
         start = self._seen == 0
         if self._blends and len(motor):
-            blended = np.empty_like(motor)
+            blended = np.empty_like(stage)
             _kernels.blend(residual, self._blend, start, self._slow, blended)
             residual = blended
         _kernels.smooth_and_turn(
             residual, start, self.sections, self._steady, self._delays, self._turn, self._idling, out
         )
         self._seen += len(motor)
-        return out if np.ndim(motor_position) == 2 else out[:, 0]
+        return out if np.ndim(stage_position) == 2 else out[:, 0]
 
     @property
     def first_valid_sample(self) -> int:
@@ -204,7 +207,7 @@ class LinearObserver:
         Parameters
         ----------
         signal : int
-            0 motor, 1 stage, 2 thrust.
+            Motors first, then stage, then thrust.
         """
         if self.axes != 1 or self._blends:
             raise ValueError(f"taps are of one axis without blending, got {self.name} of {self.axes} axes")
@@ -237,8 +240,8 @@ class LinearObserver:
         )
         lag = np.ones((len(frequency), self.axes), dtype=np.complex128)
         e = self._lag[None, :]
-        delay[:, 2 * self.axes :] *= np.where(e < 0.0, lag, (1.0 - e) * back[:, None] / (1.0 - e * back[:, None]))[
-            :, : delay.shape[1] - 2 * self.axes
+        delay[:, self._positions :] *= np.where(e < 0.0, lag, (1.0 - e) * back[:, None] / (1.0 - e * back[:, None]))[
+            :, : delay.shape[1] - self._positions
         ]
         rows = np.einsum("kt,srt,ks->krs", kernel, self.gains[: delay.shape[1]], delay)
         if self._blends:
@@ -246,7 +249,7 @@ class LinearObserver:
             low = 0.5 * (1.0 - e) * (1.0 + back[:, None]) / (1.0 - e * back[:, None])
             rows = rows[:, : self.axes] + low[:, :, None] * rows[:, self.axes :]
         rows = rows * response(self.sections, frequency, self.sample_rate_hz)[:, None, None]
-        missing = np.zeros((*rows.shape[:2], 3 * self.axes - rows.shape[2]))
+        missing = np.zeros((*rows.shape[:2], self._positions + self.axes - rows.shape[2]))
         return np.concatenate([rows, missing], axis=2).astype(np.complex128)
 
     def set_idling(self, force: ArrayLike) -> None:
@@ -268,7 +271,7 @@ class LinearObserver:
         before = self.snapshot()
         still = np.zeros((2, self.axes))
         self.reset()
-        self.update(still, still, still)
+        self.update(np.zeros((2, self.motors)), still, still)
         self.restore(before)
 
     def reset(self) -> None:

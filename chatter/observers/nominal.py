@@ -2,9 +2,42 @@
 
 from dataclasses import dataclass, fields
 from math import cos, inf, isfinite, pi, sin
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+class Sensors(NamedTuple):
+    """Ages and counts of what is sensed, and the lag of what is commanded."""
+
+    motor_delays: tuple[float, ...]
+    """Age of each position on the motor side (s)."""
+    stage_delays: tuple[float, ...]
+    """Age of each linear scale (s)."""
+    thrust_delays: tuple[float, ...]
+    """Dead time of each thrust (s)."""
+    resolutions: tuple[float, ...]
+    """One count of each position, motor side first (m)."""
+    omega_currents: tuple[float, ...]
+    """Bandwidth of each current loop (rad/s)."""
+
+
+def sensors_of(drives: "tuple[NominalFeedDrive, ...]") -> Sensors:
+    """Return the sensors of drives with an encoder on the motor and a scale on the stage.
+
+    Parameters
+    ----------
+    drives : tuple of NominalFeedDrive
+        The drives.
+    """
+    return Sensors(
+        motor_delays=tuple(d.motor_delay for d in drives),
+        stage_delays=tuple(d.stage_delay for d in drives),
+        thrust_delays=tuple(d.thrust_delay for d in drives),
+        resolutions=(*(d.motor_resolution for d in drives), *(d.stage_resolution for d in drives)),
+        omega_currents=tuple(d.omega_current for d in drives),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +137,11 @@ class SingleAxis:
         return (self.drive,)
 
     @property
+    def sensors(self) -> Sensors:
+        """Ages and counts of its signals."""
+        return sensors_of(self.drives)
+
+    @property
     def cross_mass(self) -> float:
         """No other slide, no mass (kg)."""
         return 0.0
@@ -143,6 +181,11 @@ class NominalTurret:
     def drives(self) -> tuple[NominalFeedDrive, ...]:
         """Both drives, X1 first."""
         return self.x1, self.y1
+
+    @property
+    def sensors(self) -> Sensors:
+        """Ages and counts of the signals of both."""
+        return sensors_of(self.drives)
 
     @property
     def cross_mass(self) -> float:

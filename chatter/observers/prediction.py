@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from chatter.filters import response
 from chatter.observers.linear import LinearObserver
-from chatter.observers.nominal import NominalFeedDrive
+from chatter.observers.nominal import NominalFeedDrive, SingleAxis
 from chatter.observers.stage_model import NominalControl, sensed, with_errors
 
 Floats = NDArray[np.float64]
@@ -110,7 +110,7 @@ def predicted_error(observer: LinearObserver, scene: Scene) -> PredictedError:
     scene : Scene
         What it has to do with.
     """
-    drive = observer.drives.drives[0]
+    drive = _drive(observer)
     hz = scene.frequencies_hz()
     weights = observer.weights(hz)[:, 0]
     loop: dict[str, Any] = {"control": scene.control, "sample_rate_hz": observer.sample_rate_hz}
@@ -127,6 +127,12 @@ def predicted_error(observer: LinearObserver, scene: Scene) -> PredictedError:
         parameters=scene.force * float(np.sqrt(parameters)),
         structure=scene.force * float(np.sqrt(_mean_square(gain - ideal_response(observer, hz)))),
     )
+
+
+def _drive(observer: LinearObserver) -> NominalFeedDrive:
+    if not isinstance(observer.drives, SingleAxis):
+        raise ValueError(f"observer must be of one drive of two inertias, got {type(observer.drives).__name__}")
+    return observer.drives.drive
 
 
 def _moved(
@@ -179,7 +185,7 @@ def response_of(observer: LinearObserver, drive: NominalFeedDrive, frequency_hz:
 
 
 def quantisation_variance(observer: LinearObserver) -> Floats:
-    """Return the variance that the counts of motor and stage encoder leave in the force of one axis (N^2), shape (2,).
+    """Return the variance that the counts of each encoder leave in the force of one axis (N^2), shape (positions,).
 
     Counts as white noise of variance q^2/12, through the state space of kernel, alignment and low-pass: discrete
     Lyapunov equation P = A P A' + B B', variance C P C' + D^2. Hayashi, Fujimoto et al. do so for their fit.
@@ -189,7 +195,7 @@ def quantisation_variance(observer: LinearObserver) -> Floats:
     observer : LinearObserver
         Of one axis.
     """
-    counts = (observer.drives.drives[0].motor_resolution, observer.drives.drives[0].stage_resolution)
+    counts = observer.drives.sensors.resolutions
     return np.array(
         [q * q / 12.0 * filtered_variance(observer.taps(j), observer.sections) for j, q in enumerate(counts)]
     )
