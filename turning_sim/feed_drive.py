@@ -12,8 +12,8 @@ from turning_sim._check import require
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FeedDrive:
-    """One axis as it is: motor and screw, spring, stage, current loop, encoders.
+class BallScrewStage:
+    """Motor and screw, spring, stage, current loop, encoders of one axis.
 
     Attributes
     ----------
@@ -35,12 +35,6 @@ class FeedDrive:
         Dead times of the command and of the two encoders (s).
     motor_resolution, stage_resolution : float
         Encoder steps at the stage (m); 0 for none.
-    scale_noise : float
-        Interpolation noise of the linear scale (m rms).
-    motor_friction : float
-        Dry friction of screw and bearings, felt at the stage (N).
-    presliding_stiffness : float
-        Of that friction before it slides (N/m).
     """
 
     lead: float
@@ -56,20 +50,12 @@ class FeedDrive:
     stage_delay: float
     motor_resolution: float
     stage_resolution: float
-    scale_noise: float = 0.0
-    motor_friction: float = 0.0
-    presliding_stiffness: float = 5e7
 
     def __post_init__(self) -> None:
         for name in ("lead", "motor_inertia", "stage_mass", "drive_stiffness", "current_bandwidth"):
             require(getattr(self, name) > 0.0, name, "positive", getattr(self, name))
         for name in ("motor_damping", "stage_damping", "drive_damping", "motor_resolution", "stage_resolution"):
             require(getattr(self, name) >= 0.0, name, "at least 0", getattr(self, name))
-        for name in ("scale_noise", "motor_friction"):
-            require(getattr(self, name) >= 0.0, name, "at least 0", getattr(self, name))
-        require(self.presliding_stiffness > 0.0, "presliding_stiffness", "positive", self.presliding_stiffness)
-        for name in ("thrust_delay", "motor_delay", "stage_delay"):
-            require(0.0 <= getattr(self, name) < 2e-3, name, "in [0, 2 ms)", getattr(self, name))
 
     @property
     def ratio(self) -> float:
@@ -88,15 +74,42 @@ class FeedDrive:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FeedDrive(BallScrewStage):
+    """One axis of the turret as it is: a ball-screw stage, the noise of its scale, and dry friction at its motor.
+
+    Attributes
+    ----------
+    scale_noise : float
+        Interpolation noise of the linear scale (m rms).
+    motor_friction : float
+        Dry friction of screw and bearings, felt at the stage (N).
+    presliding_stiffness : float
+        Of that friction before it slides (N/m).
+    """
+
+    scale_noise: float = 0.0
+    motor_friction: float = 0.0
+    presliding_stiffness: float = 5e7
+
+    def __post_init__(self) -> None:
+        BallScrewStage.__post_init__(self)
+        for name in ("scale_noise", "motor_friction"):
+            require(getattr(self, name) >= 0.0, name, "at least 0", getattr(self, name))
+        require(self.presliding_stiffness > 0.0, "presliding_stiffness", "positive", self.presliding_stiffness)
+        for name in ("thrust_delay", "motor_delay", "stage_delay"):
+            require(0.0 <= getattr(self, name) < 2e-3, name, "in [0, 2 ms)", getattr(self, name))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AxisControl:
     """Gains of one axis: position and velocity loop with disturbance observer.
 
     Attributes
     ----------
     position_gain, velocity_gain : float
-        (1/s)
+        (1/s); a position gain of 0 leaves the velocity loop alone.
     disturbance_bandwidth : float
-        Of the observer (rad/s).
+        Of the observer (rad/s); 0 for none.
     derivative_bandwidth : float
         Of the differentiated encoders (rad/s).
     """
@@ -107,8 +120,10 @@ class AxisControl:
     derivative_bandwidth: float
 
     def __post_init__(self) -> None:
-        for name in ("position_gain", "velocity_gain", "disturbance_bandwidth", "derivative_bandwidth"):
+        for name in ("velocity_gain", "derivative_bandwidth"):
             require(getattr(self, name) > 0.0, name, "positive", getattr(self, name))
+        for name in ("position_gain", "disturbance_bandwidth"):
+            require(getattr(self, name) >= 0.0, name, "at least 0", getattr(self, name))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,6 +153,10 @@ class TurretDrives:
         require(0.1 < self.axis_angle <= math.pi / 2.0, "axis_angle", "in (0.1, pi/2]", self.axis_angle)
         limit = min(self.x1.stage_mass, self.y1.stage_mass)
         require(0.0 <= self.upper_mass <= limit, "upper_mass", "in [0, the lighter stage]", self.upper_mass)
+        for name in ("x1", "y1"):
+            gain, bandwidth = getattr(self, f"{name}_control").position_gain, getattr(self, name).current_bandwidth
+            require(gain > 0.0, f"{name}_control.position_gain", "positive", gain)
+            require(bandwidth < math.inf, f"{name}.current_bandwidth", "finite", bandwidth)
         for name in ("thrust_delay", "motor_delay", "stage_delay"):
             same = getattr(self.x1, name) == getattr(self.y1, name)
             require(same, f"y1.{name}", f"equal to x1.{name}", getattr(self.y1, name))

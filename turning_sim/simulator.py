@@ -11,7 +11,7 @@ from turning_sim import _kernels as kernels
 from turning_sim import _plane_kernels as plane
 from turning_sim._check import require
 from turning_sim.cutting import Cutting
-from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
+from turning_sim.feed_drive import AxisControl, BallScrewStage, TurretDrives
 from turning_sim.finished import FinishedSurface
 from turning_sim.linear import LinearParameters, linear_parameters
 from turning_sim.plant_block import PlantBlock
@@ -107,7 +107,7 @@ class Simulator:
         self._table = workpiece.table(np.minimum(grid, workpiece.length))
         self._drive = np.pad(drives.transition(self.step), ((0, 0), (0, 6)))
         self._controls = tuple(
-            _control(axis, gains, sample_rate_hz)
+            control_numbers(axis, gains, sample_rate_hz)
             for axis, gains in ((drives.x1, drives.x1_control), (drives.y1, drives.y1_control))
         )
         self._grid = grid_of(cutting, self.model)
@@ -318,7 +318,8 @@ _HINTS = {
 }
 
 
-def _control(axis: FeedDrive, gains: AxisControl, rate: float) -> kernels.Control:
+def control_numbers(axis: BallScrewStage, gains: AxisControl, rate: float) -> kernels.Control:
+    """Return the numbers of one axis' control law at a servo rate (Hz)."""
     g, step = gains.derivative_bandwidth, 1.0 / rate
     return kernels.Control(
         inertia=axis.motor_mass + axis.stage_mass,
