@@ -4,22 +4,28 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from turning_sim.axis_drive import AxisDrive, Wave
     from turning_sim.chip import Chip, ForceLaw, steady_chip
     from turning_sim.chuck_fit import HammerTest, identify_chuck
     from turning_sim.cutting import Cutting
     from turning_sim.doubts import Doubt, validity
     from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
     from turning_sim.finished import FinishedSurface
+    from turning_sim.friction import Friction
     from turning_sim.linear import LinearParameters, linear_parameters
+    from turning_sim.milling_force import Milling, thesis_condition
     from turning_sim.plant_block import PlantBlock
     from turning_sim.process import CutDerivatives, ProcessModel, cut_derivatives
+    from turning_sim.servo_axis import AxisBlock, ServoAxis
     from turning_sim.simulator import SimulationDiverged, Simulator
     from turning_sim.surface import SurfaceTrace, finished_roughness
     from turning_sim.turrets import loads_of_force, shift_of_tool, slides_of_shift, tool_of_slides
     from turning_sim.workpiece import Chuck, Mode, Workpiece, cantilever_frequency_hz
 
 __all__ = [
+    "AxisBlock",
     "AxisControl",
+    "AxisDrive",
     "Chip",
     "Chuck",
     "CutDerivatives",
@@ -28,15 +34,19 @@ __all__ = [
     "FeedDrive",
     "FinishedSurface",
     "ForceLaw",
+    "Friction",
     "HammerTest",
     "LinearParameters",
+    "Milling",
     "Mode",
     "PlantBlock",
     "ProcessModel",
+    "ServoAxis",
     "SimulationDiverged",
     "Simulator",
     "SurfaceTrace",
     "TurretDrives",
+    "Wave",
     "Workpiece",
     "cantilever_frequency_hz",
     "cut_derivatives",
@@ -47,11 +57,16 @@ __all__ = [
     "shift_of_tool",
     "slides_of_shift",
     "steady_chip",
+    "thesis_condition",
     "tool_of_slides",
     "validity",
 ]
 
 _HOME = {
+    "axis_drive": ("AxisDrive", "Wave"),
+    "friction": ("Friction",),
+    "milling_force": ("Milling", "thesis_condition"),
+    "servo_axis": ("AxisBlock", "ServoAxis"),
     "surface": ("SurfaceTrace", "finished_roughness"),
     "chuck_fit": ("HammerTest", "identify_chuck"),
     "doubts": ("Doubt", "validity"),
