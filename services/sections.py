@@ -10,7 +10,7 @@ from services.case_settings import CaseSettings
 from services.errors import InputError
 from services.toml_section import Section, read_section
 
-_DRIVE = {
+DRIVE_UNITS = {
     "lead": "mm",
     "motor_inertia": "kg_m2",
     "motor_damping": "n_m_s_per_rad",
@@ -43,7 +43,7 @@ _BELIEF = {
     "thrust_delay": "ms",
     "omega_current": "rad_per_s",
 }
-_CONTROL = {
+CONTROL_UNITS = {
     "position_gain": "1_per_s",
     "velocity_gain": "1_per_s",
     "disturbance_bandwidth": "rad_per_s",
@@ -137,10 +137,10 @@ def _turret() -> dict[str, Section]:
 
     parts = ("x1", "y1", "x1_control", "y1_control")
     return {
-        "drive.x1": Section(kind=FeedDrive, units=_DRIVE),
-        "drive.y1": Section(kind=FeedDrive, units=_DRIVE),
-        "control.x1": Section(kind=AxisControl, units=_CONTROL),
-        "control.y1": Section(kind=AxisControl, units=_CONTROL),
+        "drive.x1": Section(kind=FeedDrive, units=DRIVE_UNITS),
+        "drive.y1": Section(kind=FeedDrive, units=DRIVE_UNITS),
+        "control.x1": Section(kind=AxisControl, units=CONTROL_UNITS),
+        "control.y1": Section(kind=AxisControl, units=CONTROL_UNITS),
         "turret": Section(kind=TurretDrives, units={"upper_mass": "kg", "axis_angle": "deg"}, given=parts),
     }
 
