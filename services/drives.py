@@ -24,6 +24,8 @@ _UNITS = {name: unit for name, unit in DRIVE_UNITS.items() if name not in _LOOP_
     "screw_damping": "n_m_s_per_rad",
     "coupling_stiffness": "n_per_m",
     "coupling_damping": "n_s_per_m",
+    "screw_resolution": "nm",
+    "screw_delay": "ms",
     "load": "n",
     "motor_noise": "nm",
     "stage_noise": "nm",

@@ -26,10 +26,10 @@ from numba import njit
 
 from turning_sim._kernels import quantise, servo
 
-THRUST, MOTOR, STAGE, FORCE, TRUE_MOTOR, TRUE_STAGE, MOTOR_FRICTION, STAGE_FRICTION = range(8)
-CHANNELS = 8
-COMMAND, X_MOTOR, V_MOTOR, X_STAGE, V_STAGE = range(5)
-RING_CHANNELS = 5
+THRUST, MOTOR, STAGE, FORCE, TRUE_MOTOR, TRUE_STAGE, MOTOR_FRICTION, STAGE_FRICTION, SCREW, TRUE_SCREW = range(10)
+CHANNELS = 10
+COMMAND, X_MOTOR, V_MOTOR, X_STAGE, V_STAGE, X_SCREW, V_SCREW = range(7)
+RING_CHANNELS = 7
 DEFLECTION, SPEED_BEFORE, RUBBING = range(3)
 STICKS, BRISTLES = 1, 2
 
@@ -52,6 +52,9 @@ class Axis(NamedTuple):
     thrust_delay: int
     motor_delay: float
     stage_delay: float
+    screw_delay: float
+    screw_step: float
+    screw_encoder: bool
     load: float
     closed: bool
     stage_encoder: bool
@@ -156,6 +159,14 @@ def mechanics(g, z, new, u, older, load_motor, load_stage):
         new[i] = (left + right) + ((g[8, i] * load_motor + g[9, i] * load_stage) + g[10, i] * older)
 
 
+@njit(cache=True, fastmath=False, forceinline=True)
+def remember(ring, slot, z):
+    """Write positions and velocities into the ring that the dead times read."""
+    ring[slot, X_MOTOR], ring[slot, V_MOTOR] = z[0], z[1]
+    ring[slot, X_STAGE], ring[slot, V_STAGE] = z[4], z[5]
+    ring[slot, X_SCREW], ring[slot, V_SCREW] = z[2], z[3]
+
+
 @njit(cache=True, fastmath=False)
 def steps(axis, motor_rub, stage_rub, g, ripple, u, force, z, new, rub, ring, n):
     """Advance the axis by one servo sample, the command held over it."""
@@ -163,8 +174,7 @@ def steps(axis, motor_rub, stage_rub, g, ripple, u, force, z, new, rub, ring, n)
     for j in range(axis.substeps):
         slot = (n + j) & mask
         ring[slot, COMMAND] = u
-        ring[slot, X_MOTOR], ring[slot, V_MOTOR] = z[0], z[1]
-        ring[slot, X_STAGE], ring[slot, V_STAGE] = z[4], z[5]
+        remember(ring, slot, z)
         load_motor, load_stage = rub[0, RUBBING], axis.load + force[j] + rub[1, RUBBING]
         if motor_rub.kind == BRISTLES:
             load_motor = bristles(motor_rub, rub[0], z[1], axis.h)
@@ -200,9 +210,7 @@ def advance(
     mask = ring.shape[0] - 1
     for i in range(command.size):
         n, first = k[0], i * axis.substeps
-        slot = n & mask
-        ring[slot, X_MOTOR], ring[slot, V_MOTOR] = z[0], z[1]
-        ring[slot, X_STAGE], ring[slot, V_STAGE] = z[4], z[5]
+        remember(ring, n & mask, z)
         motor = read(ring, n, axis.motor_delay, X_MOTOR, axis.h, motor_error, noise[i, 0], control.motor_step)
         stage = motor
         if axis.stage_encoder:
@@ -212,6 +220,10 @@ def advance(
         out[THRUST, i], out[MOTOR, i], out[STAGE, i] = u, motor, stage if axis.stage_encoder else np.nan
         out[FORCE, i] = 0.5 * (before + force[first])
         out[TRUE_MOTOR, i], out[TRUE_STAGE, i] = z[0], z[4]
+        out[SCREW, i] = out[TRUE_SCREW, i] = np.nan
+        if axis.screw_encoder:
+            out[SCREW, i] = quantise(delayed(ring, n, axis.screw_delay, X_SCREW, axis.h), axis.screw_step)
+            out[TRUE_SCREW, i] = z[2]
         out[MOTOR_FRICTION, i] = rub[0, RUBBING] + motor_rub.viscous * z[1]
         out[STAGE_FRICTION, i] = rub[1, RUBBING] + stage_rub.viscous * z[5]
         steps(axis, motor_rub, stage_rub, g, ripple, u, force[first : first + axis.substeps], z, new, rub, ring, n)

@@ -13,6 +13,7 @@ from turning_sim._check import require
 from turning_sim.feed_drive import BallScrewStage, FeedDrive
 from turning_sim.friction import Friction
 
+_SCREW = ("screw_damping", "coupling_damping", "screw_resolution", "screw_delay")
 STATES = 7
 """Position and velocity of motor, screw and stage, then thrust; without a coupling those of the screw stay put."""
 
@@ -55,6 +56,8 @@ class AxisDrive(BallScrewStage):
         Viscous, of the screw (N m s/rad).
     coupling_stiffness, coupling_damping : float or None
         Between motor and screw, felt at the stage (N/m), (N s/m).
+    screw_resolution, screw_delay : float or None
+        Step at the stage (m), 0 for none, and dead time (s) of an encoder on the far end of the screw.
     motor_friction, stage_friction : Friction or None
         Of screw and bearings (rolling guide), and of the guide (sliding guide).
     ripple : tuple of Wave
@@ -73,6 +76,8 @@ class AxisDrive(BallScrewStage):
     screw_damping: float | None = None
     coupling_stiffness: float | None = None
     coupling_damping: float | None = None
+    screw_resolution: float | None = None
+    screw_delay: float | None = None
     motor_friction: Friction | None = None
     stage_friction: Friction | None = None
     ripple: tuple[Wave, ...] = ()
@@ -99,17 +104,18 @@ class AxisDrive(BallScrewStage):
     def _check_screw(self) -> None:
         inertia = self.screw_inertia
         if inertia is None:
-            for name in ("screw_damping", "coupling_stiffness", "coupling_damping"):
+            for name in ("coupling_stiffness", *_SCREW):
                 require(getattr(self, name) is None, name, "absent without screw_inertia", getattr(self, name))
             return
         require(0.0 < inertia < math.inf, "screw_inertia", "finite and positive", inertia)
         stiffness = self.coupling_stiffness
         given = stiffness is not None and 0.0 < stiffness < math.inf
         require(given, "coupling_stiffness", "finite and positive with screw_inertia", stiffness)
-        for name in ("screw_damping", "coupling_damping"):
-            damping = getattr(self, name)
-            given = damping is not None and 0.0 <= damping < math.inf
-            require(given, name, "finite and at least 0 with screw_inertia", damping)
+        for name in _SCREW:
+            value = getattr(self, name)
+            given = value is not None and 0.0 <= value < math.inf
+            require(given, name, "finite and at least 0 with screw_inertia", value)
+        require((self.screw_delay or 0.0) <= 0.05, "screw_delay", "in [0, 50 ms]", self.screw_delay)
 
     @classmethod
     def of(cls, drive: FeedDrive, **changes: Any) -> Self:
@@ -132,11 +138,15 @@ class AxisDrive(BallScrewStage):
         """Return the drive without friction, ripple, load and errors of its encoders: linear; its lags stay."""
         nothing: dict[str, Any] = dict.fromkeys(("ripple", "motor_error", "stage_error"), ())
         nothing |= dict.fromkeys(("motor_resolution", "stage_resolution", "motor_noise", "stage_noise", "load"), 0.0)
+        if self.screw_inertia is not None:
+            nothing["screw_resolution"] = 0.0
         return replace(self, motor_friction=None, stage_friction=None, **nothing)
 
     def without_lags(self) -> Self:
         """Return the drive with an ideal current loop and no dead times."""
-        return replace(self, current_bandwidth=math.inf, thrust_delay=0.0, motor_delay=0.0, stage_delay=0.0)
+        screw = None if self.screw_inertia is None else 0.0
+        none = {"thrust_delay": 0.0, "motor_delay": 0.0, "stage_delay": 0.0, "screw_delay": screw}
+        return replace(self, current_bandwidth=math.inf, **none)
 
     @property
     def screw_mass(self) -> float:

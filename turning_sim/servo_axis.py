@@ -38,6 +38,8 @@ class AxisBlock:
         As they are (m).
     motor_friction, stage_friction : ndarray
         As they are (N), opposing the motion when positive.
+    screw_position, true_screw_position : ndarray
+        Of a screw behind its coupling, as measured and as it is (m); nan in a drive of two inertias.
     """
 
     first_sample: int
@@ -50,6 +52,8 @@ class AxisBlock:
     true_stage_position: np.ndarray
     motor_friction: np.ndarray
     stage_friction: np.ndarray
+    screw_position: np.ndarray
+    true_screw_position: np.ndarray
 
 
 class ServoAxis:
@@ -153,6 +157,8 @@ class ServoAxis:
             true_stage_position=out[kernels.TRUE_STAGE],
             motor_friction=out[kernels.MOTOR_FRICTION],
             stage_friction=out[kernels.STAGE_FRICTION],
+            screw_position=out[kernels.SCREW],
+            true_screw_position=out[kernels.TRUE_SCREW],
         )
 
     def force_times(self, samples: int) -> np.ndarray:
@@ -188,6 +194,9 @@ class ServoAxis:
             thrust_delay=int(_in_steps(drive.thrust_delay, self.step)),
             motor_delay=_in_steps(drive.motor_delay, self.step),
             stage_delay=_in_steps(drive.stage_delay, self.step),
+            screw_delay=_in_steps(drive.screw_delay or 0.0, self.step),
+            screw_step=drive.screw_resolution or 0.0,
+            screw_encoder=drive.screw_inertia is not None,
             load=drive.load,
             closed=self.control is not None,
             stage_encoder=drive.stage_encoder,
@@ -204,9 +213,9 @@ class ServoAxis:
         """Return the state at rest."""
         z, law, steps = np.zeros(8), np.zeros(8), self._axis
         z[[0, 2, 4]] = position
-        oldest = max(steps.thrust_delay, steps.motor_delay, steps.stage_delay)
+        oldest = max(steps.thrust_delay, steps.motor_delay, steps.stage_delay, steps.screw_delay)
         ring = np.zeros((2 ** math.ceil(math.log2(oldest + self.substeps + 2.0)), kernels.RING_CHANNELS))
-        ring[:, [kernels.X_MOTOR, kernels.X_STAGE]] = position
+        ring[:, [kernels.X_MOTOR, kernels.X_STAGE, kernels.X_SCREW]] = position
         resolutions = self.drive.motor_resolution, self.drive.stage_resolution
         motor, stage = (
             kernels.quantise(position + kernels.waves(error, position), resolution)

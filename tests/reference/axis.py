@@ -139,7 +139,7 @@ class SlowAxis:
         self.z = end
 
     def run(self, commands, forces):
-        """Thrust, readings of motor and stage, true motor and stage, friction of both: shape (7, n)."""
+        """Thrust, readings of motor and stage, true motor and stage, friction of both, screw read and true: (9, n)."""
         out = []
         for i, command in enumerate(commands):
             self.past.append(self.z)
@@ -149,7 +149,10 @@ class SlowAxis:
             u = self._law(command, xm, xt) if self.c else command
             viscous = [side["f"].viscous if side["f"] else 0.0 for side in self.sides]
             rub = [side["force"] + c * self.z[at] for side, c, at in zip(self.sides, viscous, (1, 5), strict=True)]
-            out.append([u, xm, xt, self.z[0], self.z[4], *rub])
+            screw = [np.nan, np.nan]
+            if d.screw_inertia is not None:
+                screw = [self._read(d.screw_delay, 2, (), d.screw_resolution), self.z[2]]
+            out.append([u, xm, xt, self.z[0], self.z[4], *rub, *screw])
             self.past.pop()
             for force in forces[i * self.substeps : (i + 1) * self.substeps]:
                 self.past.append(self.z)

@@ -140,7 +140,7 @@ def test_a_drive_without_loops_and_with_a_coupling(tmp_path):
     origin = "\n".join(line for line in text[1].split("\n[origin]\n")[1].splitlines() if "laboratory" not in line)
     origin = "\n".join(line for line in origin.splitlines() if "machine A" not in line or "cutoff" in line)
     extra = {"screw_inertia_kg_m2": 1e-5, "screw_damping_n_m_s_per_rad": 1e-4, "coupling_stiffness_n_per_m": 3e8,
-             "coupling_damping_n_s_per_m": 100.0}  # fmt: skip
+             "coupling_damping_n_s_per_m": 100.0, "screw_resolution_nm": 38.0, "screw_delay_ms": 0.1}  # fmt: skip
     path = tmp_path / "three.toml"
     path.write_text(
         text[0] + "".join(f"{key} = {value}\n" for key, value in extra.items())
@@ -148,7 +148,7 @@ def test_a_drive_without_loops_and_with_a_coupling(tmp_path):
     )  # fmt: skip
     named = load_drive(str(path))
     assert named.control is None
-    assert named.drive.screw_inertia == 1e-5
+    assert (named.drive.screw_inertia, named.drive.screw_delay) == pytest.approx((1e-5, 1e-4))
     assert named.nominal().rotor_inertia == pytest.approx(1e-5 + named.drive.motor_inertia)
 
 

@@ -36,6 +36,7 @@ def three_inertias(**changes):
     own = {
         "motor_inertia": 60.0 * ratio**2, "screw_inertia": 20.0 * ratio**2, "screw_damping": 1e-3, "stage_mass": 6.6,
         "coupling_stiffness": 3.2520e8, "coupling_damping": 3e3, "drive_stiffness": 3.4811e7,
+        "screw_resolution": 0.0, "screw_delay": 0.3e-3,
     }  # fmt: skip
     return machine_a(**(own | changes))
 

@@ -79,7 +79,7 @@ def test_a_stiff_coupling_makes_two_inertias_of_three():
     for stiffness in (1e10, 1e11):
         triple = machine_a(
             motor_inertia=3e-5, screw_inertia=2e-5, screw_damping=0.0, coupling_stiffness=stiffness,
-            coupling_damping=1e-5 * stiffness,
+            coupling_damping=1e-5 * stiffness, screw_resolution=0.0, screw_delay=0.0,
         )  # fmt: skip
         frequencies = np.linspace(10.0, 800.0, 80)
         a, b = (np.array([relative_motion(d, f) for f in frequencies]) for d in (triple, dual))
@@ -109,6 +109,8 @@ def test_ideal_drives():
         stage_noise=1e-9,
     )  # fmt: skip
     assert rough.ideal() == machine_a()
+    three = three_inertias(screw_resolution=1e-9)
+    assert three.ideal().without_lags() == three_inertias(screw_delay=0.0).without_lags()
     assert rough.ideal().without_lags() == machine_a(
         current_bandwidth=math.inf, thrust_delay=0.0, motor_delay=0.0, stage_delay=0.0
     )
@@ -128,6 +130,7 @@ def test_ideal_drives():
         ({"screw_inertia": 0.0}, "screw_inertia must be finite and positive"),
         ({"screw_inertia": 1e-5}, "coupling_stiffness must be finite and positive with screw_inertia, got None"),
         ({"screw_inertia": 1e-5, "coupling_stiffness": 1e8, "screw_damping": 0.0}, "coupling_damping must be finite"),
+        ({"screw_delay": 0.0}, "screw_delay must be absent without screw_inertia, got 0.0"),
         ({"coupling_stiffness": 1e8}, "coupling_stiffness must be absent without screw_inertia"),
     ],
 )
