@@ -56,8 +56,9 @@ def two_encoder(
     gains = stage_balance(system, sample_rate_hz)
     gains += motor_balance(system, sample_rate_hz) * weights[None, :, None]
     return LinearObserver(
-        name, system, sample_rate_hz, gains, cutoff_hz=cutoff_hz, order=order, compensation=compensation
-    )
+        name, system, sample_rate_hz, gains, cutoff_hz=cutoff_hz, order=order, compensation=compensation,
+        weight=float(weights[0]) if weights.size == 1 else None,
+    )  # fmt: skip
 
 
 def linear_observer(

@@ -74,6 +74,8 @@ class LinearObserver:
         Symmetric weights over which the positions are smoothed; the thrust is delayed by n samples beside them.
     centre_hz : float
         Where the latency is told (Hz).
+    weight : float or None
+        lambda of a member of the two-encoder family of one axis, to be told.
     """
 
     def __init__(
@@ -90,6 +92,7 @@ class LinearObserver:
         sections: Floats | None = None,
         smoothing: Floats | None = None,
         centre_hz: float = 0.0,
+        weight: float | None = None,
     ) -> None:
         if compensation not in ("full", "thrust", "none", "raw"):
             raise ValueError(f"compensation must be full, thrust, none or raw, got {compensation!r}")
@@ -104,6 +107,7 @@ class LinearObserver:
         self.bandwidth_hz = float(cutoff_hz)
         self.sections = butterworth(order, cutoff_hz, sample_rate_hz) if sections is None else sections
         self.gains = gains
+        self.weight = weight
         self.needs_thrust = bool(gains[self._positions :].any())
         used = slice(None) if self.needs_thrust else slice(self._positions)
         self._alignment = align(self._ages(compensation)[used] * self.sample_rate_hz)
@@ -116,7 +120,7 @@ class LinearObserver:
         self._scaled[: self._positions] *= unit[:, None, None]
         omega = np.array(sensors.omega_currents)
         self._lag = np.exp(-omega / self.sample_rate_hz) if compensation != "raw" else np.full(self.axes, -1.0)
-        self._blends = blend_hz is not None
+        self.blends = blend_hz is not None
         pole = np.pi * (blend_hz or 0.0) / self.sample_rate_hz
         self._blend = np.full(self.axes, (1.0 - np.tan(pole)) / (1.0 + np.tan(pole)))
         self._steady = steady_state(self.sections)
@@ -176,7 +180,7 @@ class LinearObserver:
         if bad >= 0:
             reject_non_finite(np.hstack([motor, stage, push] if push.size else [motor, stage]), bad, self._seen)
         start = self._seen == 0
-        if self._blends and len(motor):
+        if self.blends and len(motor):
             blended = np.empty_like(stage)
             _kernels.blend(residual, self._blend, start, self._slow, blended)
             residual = blended
@@ -209,7 +213,7 @@ class LinearObserver:
         signal : int
             Motors first, then stage, then thrust.
         """
-        if self.axes != 1 or self._blends:
+        if self.axes != 1 or self.blends:
             raise ValueError(f"taps are of one axis without blending, got {self.name} of {self.axes} axes")
         level, slope, curve = self.gains[signal, 0]
         kernel = np.array([slope + curve, level - 2.0 * curve, curve - slope])
@@ -244,7 +248,7 @@ class LinearObserver:
             :, : delay.shape[1] - self._positions
         ]
         rows = np.einsum("kt,srt,ks->krs", kernel, self.gains[: delay.shape[1]], delay)
-        if self._blends:
+        if self.blends:
             e = self._blend[None, :]
             low = 0.5 * (1.0 - e) * (1.0 + back[:, None]) / (1.0 - e * back[:, None])
             rows = rows[:, : self.axes] + low[:, :, None] * rows[:, self.axes :]

@@ -41,6 +41,7 @@ def loop_model(drive: NominalFeedDrive, control: NominalControl) -> ForceModel:
     command = _command(a, drive, control, motor, stage)
     push = _delayed(a, command, drive.thrust_delay, LATE_U)
     keep = np.ones(SIZE, dtype=bool)
+    keep[CANCELLED] = control.disturbance_bandwidth > 0.0
     for state, dead in ((LATE_M, drive.motor_delay), (LATE_T, drive.stage_delay), (LATE_U, drive.thrust_delay)):
         keep[state : state + 2] = dead > 0.0
     if np.isfinite(drive.omega_current):

@@ -19,6 +19,8 @@ from chatter.observers.stage_model import NominalControl, sensed, with_errors
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
+_FINE = 8192
+
 SIGNALS = ("motor", "stage", "thrust")
 
 
@@ -188,7 +190,8 @@ def quantisation_variance(observer: LinearObserver) -> Floats:
     """Return the variance that the counts of each encoder leave in the force of one axis (N^2), shape (positions,).
 
     Counts as white noise of variance q^2/12, through the state space of kernel, alignment and low-pass: discrete
-    Lyapunov equation P = A P A' + B B', variance C P C' + D^2. Hayashi, Fujimoto et al. do so for their fit.
+    Lyapunov equation P = A P A' + B B', variance C P C' + D^2. Hayashi, Fujimoto et al. do so for their fit. Where two
+    balances are blended, the mean over the spectrum.
 
     Parameters
     ----------
@@ -196,6 +199,10 @@ def quantisation_variance(observer: LinearObserver) -> Floats:
         Of one axis.
     """
     counts = observer.drives.sensors.resolutions
+    if observer.blends:
+        hz = (np.arange(_FINE) + 0.5) / _FINE * 0.5 * observer.sample_rate_hz
+        gain = observer.weights(hz)[:, 0, : len(counts)]
+        return np.array(counts) ** 2 / 12.0 * np.mean(gain.real**2 + gain.imag**2, axis=0)
     return np.array(
         [q * q / 12.0 * filtered_variance(observer.taps(j), observer.sections) for j, q in enumerate(counts)]
     )

@@ -29,7 +29,7 @@ class NominalControl:
     position_gain, velocity_gain : float
         K_p, K_v (1/s).
     disturbance_bandwidth : float
-        g_dis of the first-order disturbance observer (rad/s).
+        g_dis of the first-order disturbance observer (rad/s); 0 for a loop without one.
     derivative_bandwidth : float
         g_LPF of the differentiated encoders (rad/s).
     """
@@ -43,8 +43,9 @@ class NominalControl:
         """Check every value once."""
         for field in fields(self):
             value = getattr(self, field.name)
-            if not (isfinite(value) and value > 0.0):
-                raise ValueError(f"{field.name} must be positive and finite, got {value}")
+            optional = field.name == "disturbance_bandwidth"
+            if not (isfinite(value) and (value > 0.0 or (optional and value == 0.0))):
+                raise ValueError(f"{field.name} must be {'at least 0' if optional else 'positive'}, got {value}")
 
 
 def with_errors(drive: NominalFeedDrive, **relative: float) -> NominalFeedDrive:

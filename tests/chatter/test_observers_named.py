@@ -50,6 +50,13 @@ def test_model_of_the_loop_is_that_of_the_sensors():
     np.testing.assert_allclose(got, expected, rtol=2e-3)
 
 
+def test_a_loop_without_cancellation_is_modelled_too():
+    plain, hz = replace(CONTROL_A, disturbance_bandwidth=0.0), np.array([1.0, 30.0, 200.0])
+    np.testing.assert_allclose(
+        loop_model(AT_ONCE, plain).response(hz), sensed(AT_ONCE, hz, control=plain)[:, 2], rtol=1e-6
+    )
+
+
 def test_what_an_estimator_needs_is_asked_for():
     for name, field in (("optimal", "scene"), ("fitted", "spindle_hz"), ("kalman", "control")):
         with pytest.raises(ValueError, match=f"{field} must be given for the estimator {name}"):
