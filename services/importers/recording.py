@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +40,11 @@ class Recording:
     def duration_s(self) -> float:
         """Length of the recording (s)."""
         return len(self.samples) / self.rate_hz
+
+    def only(self, which: Sequence[int]) -> Recording:
+        """Return the recording with some of its channels, given by number."""
+        names, units = ([words[k] for k in which] for words in (self.names, self.units))
+        return replace(self, names=tuple(names), units=tuple(units), samples=self.samples[:, list(which)])
 
     def channel(self, wanted: str | None) -> tuple[str, Floats]:
         """Return the name and samples, shape (n,), of a channel given by name or number from 0.

@@ -1,143 +1,167 @@
-"""CSV tables: the first row names the columns with their units, as in `time_s,current_a`."""
+"""CSV tables: the first row names the columns with their units, as in `time_s,current_a`; much else is understood."""
 
 from __future__ import annotations
 
-import csv
+import io
 import pathlib
-import re
 import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
 from services.errors import InputError
 from services.importers.recording import Recording
+from services.importers.sniff import Layout, cells_of, layout_of, number, text_of
+from services.importers.timebase import clock_of, epoch_seconds, even, same_rate
+from services.importers.vocabulary import is_index, is_time, seconds_per, split_unit
 from services.messages import Floats
 
-_TIME = re.compile(r"^(time|t)([ _]?[\[(]?(s|ms|us|ns)?[\])]?)$", re.IGNORECASE)
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-_UNIT = re.compile(r"^(.*?)[ _]*(?:[\[(](.+)[\])]|_([a-z0-9]+))$", re.IGNORECASE)
+_PROBE = 64
+_LIKELY_HZ = (10.0, 1e7)
+"""Of a rate that nobody states."""
 
 
 def read_csv(path: pathlib.Path, rate_hz: float | None) -> Recording:
-    """Read `path`; the rate comes from the time column, or from `rate_hz` when there is none.
+    """Read `path`; the rate comes from the time column, from a line above the table, or from `rate_hz`.
 
     Empty cells and words such as `nan` count as missing. Missing rows (steps in time) become gaps.
     """
-    header, delimiter = _header(path)
-    values = _values(path, delimiter, len(header))
-    clock = [k for k, name in enumerate(header) if _TIME.match(name)]
-    signals = [k for k in range(len(header)) if k not in clock]
-    if not signals:
-        raise InputError("file", str(path), f"a CSV with a signal beside the time (columns: {', '.join(header)})")
+    lines = text_of(path).splitlines()
+    if not any(line.strip() for line in lines):
+        raise InputError("file", str(path), "a CSV whose first row names the columns (the file is empty)")
+    layout = layout_of(lines, str(path))
     notes: list[str] = []
-    samples = values[:, signals]
-    if clock:
-        rate, samples = _even(path, _seconds(header[clock[0]]) * values[:, clock[0]], samples, notes)
-        if rate_hz is not None and abs(rate_hz / rate - 1.0) > 0.02:
-            raise InputError("rate-hz", rate_hz, f"the rate of the time column of {path} ({rate:.6g} Hz), or left out")
-    elif rate_hz is None:
-        raise InputError("rate-hz", None, f"given, or {path} must have a column time_s (columns: {', '.join(header)})")
-    else:
-        rate = rate_hz
-    missing = int(np.count_nonzero(~np.isfinite(samples).all(axis=1)))
+    rows = [line for line in lines[layout.first :] if line.strip()]
+    if len(rows) > 2 and 1 <= len(cells_of(rows[-1], layout.separator)) < len(cells_of(rows[-2], layout.separator)):
+        notes.append("the last line is not whole: it was cut, or is no row; it was left out")
+        rows.pop()
+    values, dated = _values(str(path), rows, layout)
+    clock, signals = _columns(layout, values, dated, rate_hz)
+    if not signals:
+        raise InputError("file", str(path), f"a CSV with a signal beside the time (columns: {', '.join(layout.names)})")
+    samples, rate = values[:, signals], rate_hz or layout.rate_hz
+    if clock is not None:
+        scale = 1.0 if clock == dated else _scale(layout, clock, values, rate)
+        told, samples = even(str(path), scale * epoch_seconds(values[:, clock]), samples, notes, layout.first + 1)
+        rate = _agreed(str(path), told, rate_hz, layout.rate_hz, notes)
+    elif rate is None:
+        raise InputError("rate-hz", None, _lacking(str(path), layout))
+    elif rate_hz is not None and layout.rate_hz is not None and not same_rate(rate_hz, layout.rate_hz):
+        raise InputError("rate-hz", rate_hz, f"the rate stated in {path} ({layout.rate_hz:g} Hz), or left out")
+    of_numbers = np.isfinite(samples).any(axis=0)
+    missing = int(np.count_nonzero(~np.isfinite(samples[:, of_numbers]).all(axis=1)))
     if missing:
         notes.append(f"{missing} of {len(samples)} rows have values that are missing; they count as gaps")
-    names, units = zip(*(_split(header[k]) for k in signals), strict=True)
+    names, units = zip(*(_named(layout, k) for k in signals), strict=True)
     return Recording(
         source=str(path), rate_hz=float(rate), names=names, units=units, samples=samples, notes=tuple(notes)
     )
 
 
-def _header(path: pathlib.Path) -> tuple[list[str], str]:
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            line = file.readline(65536)
-    except UnicodeDecodeError as error:
-        raise InputError("file", str(path), "a CSV in UTF-8 text (this looks like binary data)") from error
-    delimiter = max(",;\t", key=line.count)
-    header = [name.strip() for name in next(csv.reader([line], delimiter=delimiter), [])]
-    if not any(header):
-        raise InputError("file", str(path), "a CSV whose first row names the columns (the file is empty)")
-    if all(_is_number(name) for name in header):
-        raise InputError(
-            "file", str(path), f"a CSV whose first row names the columns with units (got {line.strip()!r})"
-        )
-    return header, delimiter
+def _lacking(source: str, layout: Layout) -> str:
+    columns = f"the columns {', '.join(layout.names)}" if layout.named else "columns without names"
+    return (
+        f"given: {source} has {columns}, but neither one of time (time_s, t, timestamp ...) nor a line above them such "
+        "as `fs = 25600`"
+    )
 
 
-def _values(path: pathlib.Path, delimiter: str, columns: int) -> Floats:
+def _named(layout: Layout, k: int) -> tuple[str, str]:
+    name, unit = split_unit(layout.names[k])
+    return (layout.names[k], layout.units[k]) if layout.units[k] else (name, unit)
+
+
+def _columns(layout: Layout, values: Floats, dated: int | None, rate_hz: float | None) -> tuple[int | None, list[int]]:
+    """Return the column of time, None without one, and the columns of signals."""
+    names = layout.names
+    kept = [k for k in range(len(names)) if names[k].strip() or not np.isnan(values[:, k]).all()]
+    counted = [k for k in kept if layout.named and is_index(names[k]) and (np.diff(values[:, k]) == 1.0).all()]
+    kept = [k for k in kept if k not in counted]
+    clocks = [k for k in kept if layout.named and is_time(names[k]) and _may_be_time(names[k], values[:, k])]
+    clocks = clocks if dated is None else [dated, *clocks]
+    if not clocks and len(kept) > 1 and (not layout.named or names[kept[0]].strip().lower() in ("", "x")):
+        step = _even_step(values[:, kept[0]])
+        rates = [] if step is None else [1.0 / (step * unit) for unit in (1.0, 1e-3, 1e-6)]
+        known = rate_hz or layout.rate_hz
+        if step == 1.0 and not (known is not None and same_rate(1.0, known)):
+            kept = kept[1:]  # it counts the rows
+        elif any(same_rate(rate, known) for rate in rates) if known else rates and _likely(rates[0]):
+            clocks = kept[:1]
+    return (clocks[0] if clocks else None), [k for k in kept if k not in clocks]
+
+
+def _likely(rate_hz: float) -> bool:
+    return _LIKELY_HZ[0] < rate_hz < _LIKELY_HZ[1]
+
+
+def _may_be_time(name: str, column: Floats) -> bool:
+    """Whether a column of such a name counts as time: a lone letter may as well mean a torque."""
+    return len(split_unit(name)[0].strip()) > 1 or bool((np.diff(column) >= 0.0).all())
+
+
+def _even_step(column: Floats) -> float | None:
+    step = np.diff(column)
+    period = float(np.median(step)) if np.isfinite(step).all() else 0.0
+    return period if period > 0.0 and bool((np.abs(step - period) <= 0.5 * period).all()) else None
+
+
+def _scale(layout: Layout, clock: int, values: Floats, rate_hz: float | None) -> float:
+    """Return the seconds in one unit of the time column; a stated rate tells when its name does not."""
+    told = seconds_per(layout.names[clock], layout.units[clock])
+    step = _even_step(values[:, clock])
+    if told is not None or rate_hz is None or step is None:
+        return 1.0 if told is None else told
+    return next((unit for unit in (1.0, 1e-3, 1e-6, 1e-9) if same_rate(1.0 / (step * unit), rate_hz)), 1.0)
+
+
+def _agreed(source: str, told: float, option: float | None, stated: float | None, notes: list[str]) -> float:
+    if option is not None and not same_rate(option, told):
+        raise InputError("rate-hz", option, f"the rate of the time column of {source} ({told:.6g} Hz), or left out")
+    if stated is None or same_rate(stated, told):
+        return told
+    notes.append(f"a line above the table says {stated:g} Hz, the time column {told:.6g} Hz; the time column counts")
+    return told
+
+
+def _values(source: str, lines: Sequence[str], layout: Layout) -> tuple[Floats, int | None]:
+    """Return the table, shape (rows, columns), and which of its columns holds dates, now in seconds from the first."""
+    columns = len(layout.names)
+    body = "\n".join(lines)
     try:
-        with path.open(encoding="utf-8-sig") as file, warnings.catch_warnings():
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # an empty table has its own message below
-            values = np.loadtxt(file, delimiter=delimiter, skiprows=1, ndmin=2, comments=None)
+            values = np.loadtxt(
+                io.StringIO(body.replace(",", ".") if layout.decimal_comma else body), delimiter=layout.separator,
+                ndmin=2, comments=None, quotechar='"',
+            )  # fmt: skip
+        dated = None
     except ValueError:
-        values = _tolerant(path, delimiter, columns)
+        values, dated = _tolerant(source, lines, layout)
     if values.shape[0] < 2 or values.shape[1] != columns:
-        raise InputError(
-            "file", str(path), f"a CSV with at least two rows of {columns} numbers ({values.shape[0]} found)"
-        )
-    return np.where(np.isfinite(values), values, np.nan)
+        raise InputError("file", source, f"a CSV with at least two rows of {columns} numbers ({values.shape[0]} found)")
+    return np.where(np.isfinite(values), values, np.nan), dated
 
 
-def _tolerant(path: pathlib.Path, delimiter: str, columns: int) -> Floats:
-    rows: list[list[float]] = []
-    bad = 0
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-        reader = csv.reader(file, delimiter=delimiter)
-        next(reader)
-        for row in reader:
-            if not row:
-                continue
-            cells = [_number(cell, delimiter) for cell in row[:columns]] + [np.nan] * (columns - len(row))
-            bad += len(row) != columns or all(np.isnan(cells))
-            rows.append(cells)
-    if rows and bad > max(1, len(rows) // 2):
-        raise InputError("file", str(path), f"a CSV of numbers ({bad} of {len(rows)} rows are not)")
-    return np.array(rows, dtype=np.float64).reshape(-1, columns)
+def _tolerant(source: str, lines: Sequence[str], layout: Layout) -> tuple[Floats, int | None]:
+    """Read row by row: what is no number is missing."""
+    columns = len(layout.names)
+    table = [cells_of(line, layout.separator) for line in lines if line.strip()]
+    rows = [cells[:columns] + [""] * (columns - len(cells)) for cells in table]
+    values = np.array([[_number(cell, layout.decimal_comma) for cell in row] for row in rows]).reshape(-1, columns)
+    dated = None
+    for k in range(columns):
+        seconds = clock_of([row[k] for row in rows]) if np.isnan(values[:_PROBE, k]).all() else None
+        if seconds is not None and dated is None:
+            dated, values[:, k] = k, seconds
+    last = int(np.flatnonzero(~np.isnan(values).all(axis=1)).max(initial=-1))
+    values = values[: last + 1]  # below it stand words
+    empty = np.isnan(values).all(axis=1)
+    bad = int(empty.sum()) + sum(len(cells) != columns for cells in table[: len(values)])
+    if len(values) and bad > max(1, len(values) // 2):
+        raise InputError("file", source, f"a CSV of numbers ({bad} of {len(values)} rows are not)")
+    return values, dated
 
 
-def _number(cell: str, delimiter: str) -> float:
-    text = cell.strip().replace(",", ".") if delimiter == ";" else cell.strip()
-    return float(text) if _is_number(text) else np.nan
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _seconds(name: str) -> float:
-    match = _TIME.match(name)
-    return _SECONDS[(match.group(3) or "s").lower()] if match else 1.0
-
-
-def _even(path: pathlib.Path, time: Floats, samples: Floats, notes: list[str]) -> tuple[float, Floats]:
-    """Put the rows on an even grid; rows that are not there become NaN."""
-    if not np.isfinite(time).all():
-        row = int(np.flatnonzero(~np.isfinite(time))[0])
-        raise InputError("time", None, f"a number in every row of {path} (row {row + 2})")
-    step = np.diff(time)
-    if (step <= 0).any():
-        row = int(np.flatnonzero(step <= 0)[0])
-        raise InputError("time", float(time[row + 1]), f"increasing from row to row of {path} (row {row + 3})")
-    period = float(np.median(step))
-    if (np.abs(step - period) <= 0.5 * period).all():
-        period = float(time[-1] - time[0]) / (len(time) - 1)
-        return 1.0 / period, samples
-    index = np.rint((time - time[0]) / period).astype(np.int64)
-    if (np.diff(index) == 0).any() or index[-1] > 20 * len(time):
-        raise InputError(
-            "time", f"steps {step.min():.3g}..{step.max():.3g} s", f"evenly spaced in {path}: resample it first"
-        )
-    even = np.full((int(index[-1]) + 1, samples.shape[1]), np.nan)
-    even[index] = samples
-    notes.append(f"{len(even) - len(samples)} rows are missing in the time column; they count as gaps")
-    return 1.0 / period, even
-
-
-def _split(name: str) -> tuple[str, str]:
-    match = _UNIT.match(name)
-    return (match.group(1), match.group(2) or match.group(3)) if match and match.group(1) else (name, "")
+def _number(cell: str, comma: bool) -> float:
+    found = number(cell, comma)
+    return np.nan if found is None else found

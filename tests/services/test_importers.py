@@ -142,11 +142,12 @@ def test_cells_that_are_missing_become_gaps(tmp_path):
     [
         ("", "0 bytes"),
         ("\n", "names the columns"),
-        ("1,2\n3,4\n", "first row names the columns"),
-        ("a,b\n", "at least two rows"),
-        ("a,b\nx,y\nz,w\nq,r\n", "numbers"),
+        ("1,2\n3,4\n", "columns without names"),
+        ("a,b\n", "none of its lines"),
+        ("a,b\n1,2\n", "at least two rows"),
+        ("a,b\nx,y\nz,w\nq,r\n", "row of numbers"),
         ("time_s\n0\n1\n2\n", "beside the time"),
-        ("time_s,a\n0,1\n1,2\n1,3\n2,4\n", "increasing"),
+        ("time_s,a\n0,1\n1,2\n2,3\n1,4\n", "increasing"),
         ("time_s,a\n0,1\n,2\n2,3\n3,1\n", "row 3"),
         ("time_s,a\n0,1\n1,2\n1.6,3\n2,4\n2.1,5\n2.2,5\n", "evenly spaced"),
         ("a,b\n1,2\n3,4\n", "rate-hz"),
@@ -174,7 +175,7 @@ def test_other_files(tmp_path, name):
     path = tmp_path / name
     if name.endswith("png"):
         path.write_bytes(b"\x89PNG\r\n\x1a\n")
-    with pytest.raises(InputError, match=r"existing file|WAV or CSV"):
+    with pytest.raises(InputError, match=r"existing file|WAV, CSV"):
         load_recording(path)
 
 
