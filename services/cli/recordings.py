@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pathlib
-from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -33,10 +32,16 @@ def parse_band(text: str | None, rate_hz: float) -> tuple[float, float] | None:
 
 @app.command()
 def detect(
-    file: Annotated[pathlib.Path, typer.Argument(help="WAV, or CSV whose first row names columns with units.")],
-    channel: Annotated[str | None, typer.Option("--channel", help="Name or number (from 0) of the channel.")] = None,
+    file: Annotated[pathlib.Path, typer.Argument(help="WAV, CSV, MAT or HDF5.")],
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--channel",
+            help="Name or number (from 0) of a channel; may be repeated; `all`. Default: those that show vibration.",
+        ),
+    ] = None,
     rate_hz: Annotated[
-        float | None, typer.Option("--rate-hz", help="Sampling rate of a CSV without time_s (Hz).")
+        float | None, typer.Option("--rate-hz", help="Sampling rate (Hz) of a file that does not tell it.")
     ] = None,
     speed_rpm: Annotated[float | None, typer.Option("--speed-rpm", help="Spindle speed (1/min), if known.")] = None,
     tools: Annotated[int | None, typer.Option("--tools", help="Cutting edges or tools in one revolution.")] = None,
@@ -45,7 +50,10 @@ def detect(
     as_json: JsonFlag = False,
 ) -> None:
     """Find chatter in a recording: when, at what frequency, and whether it is regenerative or forced."""
-    from chatter import detect_recording
+    from chatter import RecordingVerdict, detect_recording
+    from services.detected import Detected, left_out
+    from services.importers.channels import chosen
+    from services.importers.health import ailments, dead, unheld
     from services.importers.load import load_recording
 
     if rate_hz is not None:
@@ -55,55 +63,28 @@ def detect(
     if tools is not None:
         require("tools", tools, "a whole number from 1 to 100", 1 <= tools <= 100)
     folder = writable_folder(out)
-    recording = load_recording(file, rate_hz)
-    name, signal = recording.channel(channel)
-    limits = parse_band(band, recording.rate_hz)
+    whole = load_recording(file, rate_hz, channel or ())
+    recording = unheld(chosen(whole, channel))
     spindle_hz = speed_rpm / 60.0 if speed_rpm is not None else None
-    verdict = detect_recording(signal, recording.rate_hz, band_hz=limits, spindle_hz=spindle_hz, tools=tools)
-    answer: dict[str, Any] = {
-        "file": recording.source,
-        "channel": name,
-        "rate_hz": recording.rate_hz,
-        "duration_s": recording.duration_s,
-        "verdict": verdict.verdict,
-        "events": [
-            {"start_s": e.start, "end_s": e.end, "frequency_hz": e.frequency_hz, "kind": e.kind} for e in verdict.events
-        ],
-        "notes": [*recording.notes, *verdict.notes],
-    }
+    limits = parse_band(band, recording.rate_hz)
+    reason = dead(recording)
+    verdict = RecordingVerdict(verdict=None, reason=reason) if reason else detect_recording(
+        recording.samples, recording.rate_hz, band_hz=limits, spindle_hz=spindle_hz, tools=tools
+    )  # fmt: skip
+    others = left_out(whole.names, recording.names)
+    found = Detected(
+        recording=recording, verdict=verdict,
+        notes=(*recording.notes, *others, *ailments(recording), *verdict.notes),
+    )  # fmt: skip
+    answer = found.as_dict()
     if verdict.reason:
         raise RefusalError(verdict.reason, answer)
+    text = found.words()
     if folder is not None:
-        answer["written"] = [str(_draw(verdict, recording.rate_hz, signal, limits, f"{file.name}, {name}", folder))]
-    for note in answer["notes"]:
+        title = f"{file.name}, {answer['channel']}"
+        written = found.write(folder, title=title, band_hz=limits, spindle_hz=spindle_hz, tools=tools)
+        answer["written"] = written
+        text += "".join(f"\nwrote {path}" for path in written)
+    for note in found.notes:
         console.print(f"note: {note}", markup=False, highlight=False)
-    emit(answer, _words(answer), as_json)
-
-
-def _words(answer: dict[str, Any]) -> str:
-    head = f"{answer['file']}, channel {answer['channel']}: {answer['duration_s']:.2f} s at {answer['rate_hz']:g} Hz"
-    lines = [head, f"verdict: {answer['verdict']}"]
-    lines += [
-        f"  {event['start_s']:8.2f} .. {event['end_s']:8.2f} s  {event['frequency_hz']:8.1f} Hz  {event['kind']}"
-        for event in answer["events"]
-    ]
-    lines += [f"wrote {path}" for path in answer.get("written", ())]
-    return "\n".join(lines)
-
-
-@dataclass(frozen=True, slots=True)
-class _Drawn:
-    start_s: float
-    end_s: float
-    frequency_hz: float
-    kind: str
-
-
-def _draw(
-    verdict: Any, rate_hz: float, signal: Any, band: tuple[float, float] | None, title: str, out: pathlib.Path
-) -> pathlib.Path:
-    from services.figures import detection_figure, write_detection_figure
-
-    events = [_Drawn(e.start, e.end, e.frequency_hz, e.kind) for e in verdict.events]
-    figure = detection_figure(signal, rate_hz, verdict=verdict.verdict, events=events, band_hz=band, title=title)
-    return write_detection_figure(figure, out / "detect.png")
+    emit(answer, text, as_json)

@@ -4,7 +4,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -53,6 +54,15 @@ def spectrogram(
     time_s = (first + np.arange(len(frames), dtype=np.float64) * hop + 0.5 * size) / sample_rate_hz
     level = 20.0 * np.log10(np.maximum(amplitude.T, 1e-12))
     return Spectrogram(time_s=time_s, frequency_hz=frequency[keep], level_db=level)
+
+
+def together(pictures: Sequence[Spectrogram | None]) -> Spectrogram | None:
+    """Return the spectrogram of several channels of one length: their powers added."""
+    shown = [picture for picture in pictures if picture is not None]
+    if len(shown) < 2:
+        return shown[0] if shown else None
+    power = sum(10.0 ** (picture.level_db / 10.0) for picture in shown)
+    return replace(shown[0], level_db=10.0 * np.log10(power))
 
 
 def scale_of(*pictures: Spectrogram | None, least_top_db: float = -200.0) -> tuple[float, float]:

@@ -1,0 +1,114 @@
+"""What was found in a recording: for programs, for people, and as files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import pathlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from chatter.recording import Event, RecordingVerdict
+from services.importers.recording import Recording
+
+_COLUMNS = ("start_s", "end_s", "frequency_hz", "kind")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Detected:
+    """A recording and its verdict.
+
+    Attributes
+    ----------
+    recording
+        The channels that were judged.
+    verdict
+        Of all of them together.
+    notes
+        What a reader should know.
+    """
+
+    recording: Recording
+    verdict: RecordingVerdict
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the keys of the command line."""
+        return {
+            "file": self.recording.source,
+            "channel": ", ".join(self.recording.names),
+            "channels": list(self.recording.names),
+            "rate_hz": self.recording.rate_hz,
+            "duration_s": self.recording.duration_s,
+            "verdict": self.verdict.verdict,
+            "events": [_event(event) for event in self.verdict.events],
+            "notes": list(self.notes),
+        }
+
+    def words(self) -> str:
+        """Return what was found, as one would say it."""
+        recording = self.recording
+        lines = [sentence(event) for event in self.verdict.events]
+        if self.verdict.verdict == "stable":
+            lines.append(f"no chatter in {recording.duration_s:.1f} s")
+        channels = f"channel{'s' if len(recording.names) > 1 else ''} {', '.join(recording.names)}"
+        return "\n".join((*lines, f"({recording.source}, {channels}, {recording.rate_hz:g} Hz)"))
+
+    def write(
+        self, out: pathlib.Path, *, title: str, band_hz: tuple[float, float] | None, spindle_hz: float | None,
+        tools: int | None,
+    ) -> list[pathlib.Path]:  # fmt: skip
+        """Write a figure, the events as a table, and everything as JSON; returns where."""
+        from services.figures import detection_figure, write_detection_figure
+
+        recording = self.recording
+        units = set(recording.units)
+        figure = detection_figure(
+            recording.samples, recording.rate_hz, verdict=self.verdict.verdict or "unknown",
+            events=[Drawn.of(event) for event in self.verdict.events], band_hz=band_hz, title=title,
+            unit=units.pop() if len(units) == 1 else "", spindle_hz=spindle_hz, tools=tools,
+        )  # fmt: skip
+        table, answer = out / "events.csv", out / "detect.json"
+        with table.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(_COLUMNS)
+            writer.writerows(_event(event).values() for event in self.verdict.events)
+        answer.write_text(json.dumps(self.as_dict(), indent=2) + "\n", encoding="utf-8")
+        return [write_detection_figure(figure, out / "detect.png"), table, answer]
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """An episode as the figure wants it."""
+
+    start_s: float
+    end_s: float
+    frequency_hz: float
+    kind: str
+
+    @classmethod
+    def of(cls, event: Event) -> Drawn:
+        """Return an event with the units in its names."""
+        return cls(event.start, event.end, event.frequency_hz, event.kind)
+
+
+def _event(event: Event) -> dict[str, Any]:
+    values = (event.start, event.end, event.frequency_hz, event.kind)
+    return dict(zip(_COLUMNS, values, strict=True))
+
+
+def sentence(event: Event) -> str:
+    """Return one event as one would say it."""
+    what = "forced vibration" if event.kind == "forced" else "chatter"
+    how = "" if event.kind == "forced" else ", regenerative"
+    return f"{what} from {event.start:.1f} s to {event.end:.1f} s at {event.frequency_hz:.0f} Hz{how}"
+
+
+def left_out(all_names: Sequence[str], used: Sequence[str]) -> list[str]:
+    """Say which channels were not judged."""
+    others = [name for name in all_names if name not in used]
+    if not others:
+        return []
+    how = "--channel NAME takes another, --channel all every one that varies"
+    return [f"judged {', '.join(used)}; not {', '.join(others)} ({how})"]
