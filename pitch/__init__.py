@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pitch.advice import advise
+    from pitch.chart import StabilityChart, stability_chart
     from pitch.choice import PlannerConfig
     from pitch.geometry import (
         ArcPosition,
@@ -32,6 +33,7 @@ __all__ = [
     "PlannerConfig",
     "ShiftTrajectory",
     "Situation",
+    "StabilityChart",
     "StabilityUnresolved",
     "TrajectoryLimits",
     "TurningProcess",
@@ -47,12 +49,14 @@ __all__ = [
     "rightmost_root",
     "roots",
     "slide_set_points",
+    "stability_chart",
     "stable_intervals",
     "turret_offset",
 ]
 
 _HOME = {
     "advice": ("advise",),
+    "chart": ("StabilityChart", "stability_chart"),
     "choice": ("PlannerConfig",),
     "geometry": (
         "ArcPosition", "TurretOffset", "arc_position", "offset_from_slides", "slide_set_points", "turret_offset",
