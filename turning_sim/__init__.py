@@ -7,7 +7,10 @@ if TYPE_CHECKING:
     from turning_sim.axis_drive import AxisDrive, Wave
     from turning_sim.chip import Chip, ForceLaw, steady_chip
     from turning_sim.chuck_fit import HammerTest, identify_chuck
+    from turning_sim.contact_vibration import ContactVibration
     from turning_sim.cutting import Cutting
+    from turning_sim.delay_equation import DelayEquation, LinearVibration
+    from turning_sim.delay_growth import Growth, growth_of
     from turning_sim.doubts import Doubt, validity
     from turning_sim.feed_drive import AxisControl, FeedDrive, TurretDrives
     from turning_sim.finished import FinishedSurface
@@ -28,15 +31,19 @@ __all__ = [
     "AxisDrive",
     "Chip",
     "Chuck",
+    "ContactVibration",
     "CutDerivatives",
     "Cutting",
+    "DelayEquation",
     "Doubt",
     "FeedDrive",
     "FinishedSurface",
     "ForceLaw",
     "Friction",
+    "Growth",
     "HammerTest",
     "LinearParameters",
+    "LinearVibration",
     "Milling",
     "Mode",
     "PlantBlock",
@@ -51,6 +58,7 @@ __all__ = [
     "cantilever_frequency_hz",
     "cut_derivatives",
     "finished_roughness",
+    "growth_of",
     "identify_chuck",
     "linear_parameters",
     "loads_of_force",
@@ -71,7 +79,10 @@ _HOME = {
     "chuck_fit": ("HammerTest", "identify_chuck"),
     "doubts": ("Doubt", "validity"),
     "chip": ("Chip", "ForceLaw", "steady_chip"),
+    "contact_vibration": ("ContactVibration",),
     "cutting": ("Cutting",),
+    "delay_equation": ("DelayEquation", "LinearVibration"),
+    "delay_growth": ("Growth", "growth_of"),
     "feed_drive": ("AxisControl", "FeedDrive", "TurretDrives"),
     "finished": ("FinishedSurface",),
     "linear": ("LinearParameters", "linear_parameters"),
