@@ -9,9 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from chatter.recording import Event, RecordingVerdict
 from services.importers.recording import Recording
+from services.importers.vocabulary import words
 
+_RPM = ("rpm", "1/min", "min-1", "u/min")
+_LIKELY_RPM = (60.0, 60000.0)
 _COLUMNS = ("start_s", "end_s", "frequency_hz", "kind")
 
 
@@ -103,6 +108,18 @@ def sentence(event: Event) -> str:
     what = "forced vibration" if event.kind == "forced" else "chatter"
     how = "" if event.kind == "forced" else ", regenerative"
     return f"{what} from {event.start:.1f} s to {event.end:.1f} s at {event.frequency_hz:.0f} Hz{how}"
+
+
+def speed_told(whole: Recording) -> list[str]:
+    """Say what a channel of spindle speed tells, if the file has one."""
+    for k, (name, unit) in enumerate(zip(whole.names, whole.units, strict=True)):
+        values = whole.samples[:, k][np.isfinite(whole.samples[:, k])]
+        if unit.lower() not in _RPM and not {"rpm", "drehzahl"} & set(words(name)) or not values.size:
+            continue
+        speed = float(np.median(values))
+        if _LIKELY_RPM[0] <= speed <= _LIKELY_RPM[1]:
+            return [f"{name} is {speed:.0f} 1/min in the median: --speed-rpm {speed:.0f} tells forced lines better"]
+    return []
 
 
 def left_out(all_names: Sequence[str], used: Sequence[str]) -> list[str]:

@@ -51,7 +51,7 @@ def detect(
 ) -> None:
     """Find chatter in a recording: when, at what frequency, and whether it is regenerative or forced."""
     from chatter import RecordingVerdict, detect_recording
-    from services.detected import Detected, left_out
+    from services.detected import Detected, left_out, speed_told
     from services.importers.channels import chosen
     from services.importers.health import ailments, dead, unheld
     from services.importers.load import load_recording
@@ -71,7 +71,7 @@ def detect(
     verdict = RecordingVerdict(verdict=None, reason=reason) if reason else detect_recording(
         recording.samples, recording.rate_hz, band_hz=limits, spindle_hz=spindle_hz, tools=tools
     )  # fmt: skip
-    others = left_out(whole.names, recording.names)
+    others = left_out(whole.names, recording.names) + ([] if speed_rpm else speed_told(whole))
     found = Detected(
         recording=recording, verdict=verdict,
         notes=(*recording.notes, *others, *ailments(recording), *verdict.notes),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from services.errors import InputError
-from services.importers.channels import ASIDE, rank_of
+from services.importers.channels import ASIDE, answers_to, rank_of
 from services.importers.recording import Recording
 from services.importers.timebase import epoch_seconds, even, same_rate
 from services.importers.vocabulary import is_index, is_time, rate_from, seconds_per, split_unit, words
@@ -148,7 +148,7 @@ def _group(
     found = ", ".join(f"{column.name} ({column.size})" for column in signals[:_MOST_TOLD])
     for name in wanted:
         out = [text for text in contents.skipped if text.rsplit(" (", 1)[0].endswith(name)]
-        if out and not any(name in (c.name, c.last) for c in signals):
+        if out and not any(answers_to(c.name, c.unit, name) for c in signals):
             raise InputError("channel", name, f"a channel of real numbers in {source}: {out[0]}")
     signals = [column for column in signals if column.size > 1]
     if not signals:
@@ -157,7 +157,7 @@ def _group(
     longest = max(column.size for column in signals)
     lengths = {column.size for column in signals if column.size >= _LEAST_SHARE * longest}
     signals = _one_run(signals, wanted, notes)
-    asked = [column.size for column in signals if {column.name, column.last} & set(wanted)]
+    asked = [c.size for c in signals if any(answers_to(c.name, c.unit, name) for name in wanted)]
     best = {size: min(rank_of(c.name, c.unit) for c in signals if c.size == size) for size in lengths}
     size = asked[0] if asked else min(lengths, key=lambda length: (min(best[length], ASIDE), -length))
     group = [column for column in signals if column.size == size]

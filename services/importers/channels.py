@@ -73,15 +73,25 @@ def chosen(recording: Recording, wanted: list[str] | None) -> Recording:
     return _taken(recording, list(dict.fromkeys(_index(recording, name) for name in wanted)))
 
 
+def answers_to(name: str, unit: str, wanted: str) -> bool:
+    """Whether a channel is the one that somebody asks for: by its name, its last part, or with its unit behind."""
+    asked = _letters(wanted)
+    return asked in {_letters(part + more) for part in (name, name.rsplit(".", 1)[-1]) for more in ("", unit)} - {""}
+
+
+def _letters(text: str) -> str:
+    return "".join(letter for letter in text.lower() if letter.isalnum())
+
+
 def _index(recording: Recording, wanted: str) -> int:
     names = recording.names
-    short = [name.rsplit(".", 1)[-1] for name in names]
     if wanted in names:
         return names.index(wanted)
     if wanted.isdigit() and int(wanted) < len(names):
         return int(wanted)
-    if short.count(wanted) == 1:
-        return short.index(wanted)
+    alike = [k for k, name in enumerate(names) if answers_to(name, recording.units[k], wanted)]
+    if len(alike) == 1:
+        return alike[0]
     listed = ", ".join(f"{k}: {name}" for k, name in enumerate(names))
     raise InputError("channel", wanted, f"one of the channels of {recording.source} ({listed}), or all")
 

@@ -129,16 +129,26 @@ def _with_gaps(time: Floats, samples: Floats, period: float, notes: list[str]) -
 def _coarse(source: str, time: Floats, step: Floats, notes: list[str]) -> float:
     """Return the rate (Hz) of rows whose clock is coarser than they are; refuse rows that are not even.
 
-    A clock that ticks stays within one tick of an even one.
+    A clock that ticks stays within one tick of an even one, a number with few digits within its last digit.
     """
     tick = float(np.percentile(step[step > 0.0], 5.0))
     row = np.arange(time.size) - 0.5 * (time.size - 1)
     slope = float(row @ (time - time.mean()) / (row @ row))
-    stray = float(np.abs(time - time.mean() - slope * row).max())
-    if stray > max(1.01 * tick, 0.5 * slope):
+    stray = np.abs(time - time.mean() - slope * row)
+    if (stray > np.maximum(1.01 * np.maximum(tick, _last_digit(time)), 0.5 * slope)).any():
         steps = f"steps {step.min():.3g}..{step.max():.3g} s"
         raise InputError("time", steps, f"evenly spaced in {source}: resample it first")
     repeated = int(np.count_nonzero(step == 0.0))
     what = f"{repeated} time stamps repeat" if repeated else "the steps of the time stamps vary"
-    notes.append(f"{what} (the clock ticks in {tick:.3g} s); the rows fit an even rate of {1.0 / slope:.6g} Hz")
+    notes.append(f"{what} (steps from {tick:.3g} s); the rows fit an even rate of {1.0 / slope:.6g} Hz")
     return 1.0 / slope
+
+
+def _last_digit(time: Floats) -> Floats:
+    """Return the worth of the last digit of each stamp, if all are written with as few digits; else 0."""
+    size = np.floor(np.log10(np.maximum(np.abs(time), np.finfo(float).tiny)))
+    for digits in range(3, 8):
+        worth = 10.0 ** (size - digits + 1)
+        if np.allclose(time / worth, np.rint(time / worth), rtol=0.0, atol=1e-3):
+            return worth
+    return np.zeros(time.size)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat, wavfile
 
 from services.cli import app
+from services.errors import InputError
 from services.importers.channels import ASIDE, UNKNOWN, chosen, kind_of, rank_of
 from services.importers.health import ailments, clipped_share, dead, held_for, unheld
 from services.importers.recording import Recording
@@ -72,17 +73,26 @@ def test_all_channels_of_the_best_kind_are_taken():
     assert chosen(unnamed, None).names == ("a", "d"), "ramps and switches show no vibration"
 
 
+def test_a_channel_answers_to_its_name_with_and_without_unit():
+    whole = Recording(source="x", rate_hz=RATE, names=("rec.acc", "mic"), units=("m_s2", "Pa"), samples=NOISE[:, :2])
+    for wanted in ("rec.acc", "acc", "acc_m_s2", "Acc [m/s2]", "0"):
+        assert chosen(whole, [wanted]).names == ("rec.acc",)
+    with pytest.raises(InputError, match="0: rec.acc, 1: mic"):
+        chosen(whole, ["a"])
+
+
 def test_channels_together_are_one_verdict(capsys, tmp_path):
-    path = mat(tmp_path, acc_x=NOISE[:, 0], acc_y=TONE + NOISE[:, 1], speed=1200.0 + NOISE[:, 2])
+    path = mat(tmp_path, acc_x=NOISE[:, 0], acc_y=TONE + NOISE[:, 1], speed_rpm=1200.0 + NOISE[:, 2])
     code, answer = answer_of(capsys, path)
     assert (code, answer["verdict"]) == (0, "chatter")
     assert answer["channels"] == ["acc_x", "acc_y"]
     assert answer["channel"] == "acc_x, acc_y"
     assert any("not speed" in note for note in answer["notes"])
+    assert any("--speed-rpm 1200" in note for note in answer["notes"])
     assert answer["events"][0]["frequency_hz"] == pytest.approx(651.0, abs=0.5)
     _, quiet = answer_of(capsys, path, "--channel", "acc_x")
     assert (quiet["verdict"], quiet["channels"]) == ("stable", ["acc_x"])
-    _, both = answer_of(capsys, path, "--channel", "speed", "--channel", "1")
+    _, both = answer_of(capsys, path, "--channel", "speed_rpm", "--channel", "1")
     assert both["channels"] == ["speed", "acc_y"]
 
 

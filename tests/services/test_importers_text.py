@@ -55,6 +55,7 @@ TOLD = {
     "nanoseconds since 1970": "timestamp,a\n" + rows("{:d},{:.5f}", [int(1.7e18 + s * 1e9) for s in TIME], ONE),
     "seconds since 1970": "time,a\n" + rows("{:.6f},{:.5f}", 1.7e9 + TIME, ONE),
     "a coarse clock": "timestamp,a\n" + rows("{:.4f},{:.5f}", TIME, ONE),
+    "five digits, as MATLAB writes": "t,a\n" + rows("{:.5g},{:.5f}", 9.98 + TIME, ONE),
     "words below": "time_s,a\n" + PAIR + "\nEnd of file\n",
     "cut in a row": ("time_s,a\n" + PAIR)[:-9],
     "a column of words": "t,a,label\n" + rows("{:.8f},{:.5f},{}", TIME, ONE, ["chatter"] * COUNT),
@@ -108,7 +109,7 @@ def test_columns_without_names_need_a_rate(tmp_path, name):
 
 def test_what_was_repaired_is_said(tmp_path):
     said = {name: load_recording(written(tmp_path, TOLD[name])).notes for name in TOLD}
-    assert "the clock ticks in 0.0001 s" in said["a coarse clock"][0]
+    assert "steps from 0.0001 s" in said["a coarse clock"][0]
     assert "800 rows repeat the row before" in said["rows twice"][0]
     assert "the last line is not whole" in said["cut in a row"][0]
     assert said["a row of units"] == ()
