@@ -1,5 +1,5 @@
 """Importing this module registers every verb."""
 
-from services.cli import analysis, bench, estimators, loop, recordings, reproduce, services, upkeep
+from services.cli import analysis, bench, charts, estimators, loop, recordings, reproduce, services, upkeep
 
-__all__ = ["analysis", "bench", "estimators", "loop", "recordings", "reproduce", "services", "upkeep"]
+__all__ = ["analysis", "bench", "charts", "estimators", "loop", "recordings", "reproduce", "services", "upkeep"]
