@@ -15,6 +15,7 @@ if TYPE_CHECKING:
         slide_set_points,
         turret_offset,
     )
+    from pitch.growth import stiffness_for_growth
     from pitch.islands import stable_intervals
     from pitch.modes import Mode, TurningProcess, process_roots
     from pitch.optimum import optimal_pitch_difference, pitch_difference_for_phase, regenerative_phase
@@ -51,6 +52,7 @@ __all__ = [
     "slide_set_points",
     "stability_chart",
     "stable_intervals",
+    "stiffness_for_growth",
     "turret_offset",
 ]
 
@@ -61,6 +63,7 @@ _HOME = {
     "geometry": (
         "ArcPosition", "TurretOffset", "arc_position", "offset_from_slides", "slide_set_points", "turret_offset",
     ),
+    "growth": ("stiffness_for_growth",),
     "islands": ("stable_intervals",),
     "modes": ("Mode", "TurningProcess", "process_roots"),
     "optimum": ("optimal_pitch_difference", "pitch_difference_for_phase", "regenerative_phase"),
