@@ -69,7 +69,6 @@ class Plant(NamedTuple):
     rake: float
     force: float
     tangential_force: float
-    noise: float
     setting: float
     cos_psi: float
     sin_psi: float
@@ -327,7 +326,7 @@ def steps(plant, omega, ux, uy, noise, in_cut, drive, phi, step, load, free, new
         rise = 1.0 + plant.rake * shift
         base1 = h0 + deeper - plant.mu * r2
         base2 = h0 + plant.setting - plant.mu * r1
-        noise1, noise2 = plant.noise * noise[j, 0], plant.noise * noise[j, 1]
+        noise1, noise2 = noise[j, 0], noise[j, 1]
         # the bar: what the forces so far do to it, then the forces at the end of the step, by correction
         chip1 = chip2 = 0.0
         for m in range(modes):

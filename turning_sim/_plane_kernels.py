@@ -158,7 +158,7 @@ def steps(
         u1, u2 = f[THETA] - shift, f[THETA]
         r1, r2 = look_back(grid, mapped, phase, left, columns, k, u1, u2, tool, weight, met)
         rise = 1.0 + plant.rake * shift
-        noise1, noise2 = plant.noise * noise[j, 0], plant.noise * noise[j, 1]
+        noise1, noise2 = noise[j, 0], noise[j, 1]
         unforced(step, load, bar, f[FX], f[FY], free)
         fx, fy, fr1, fr2, ft1, ft2, p1, p2 = f[FX], f[FY], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for _ in range(MAP_PASSES if mapped else PASSES):

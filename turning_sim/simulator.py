@@ -126,7 +126,11 @@ class Simulator:
         self.restore(before)
 
     def advance(
-        self, x1_ref: np.ndarray, y1_ref: np.ndarray, spindle_hz: float | np.ndarray | None = None
+        self,
+        x1_ref: np.ndarray,
+        y1_ref: np.ndarray,
+        spindle_hz: float | np.ndarray | None = None,
+        knock: np.ndarray | None = None,
     ) -> PlantBlock:
         """Advance the plant by as many servo samples as there are references.
 
@@ -136,6 +140,8 @@ class Simulator:
             Absolute slide references (m), shape (n,).
         spindle_hz : float or ndarray or None
             Spindle speed (Hz), one or shape (n,); None for the nominal one.
+        knock : ndarray or None
+            Force from outside on the two tools, out of the cut, felt while each has contact (N), shape (n, 2).
 
         Returns
         -------
@@ -148,7 +154,11 @@ class Simulator:
         speed = np.broadcast_to(np.asarray(self.cutting.spindle_hz if spindle_hz is None else spindle_hz, float), (n,))
         slowest = float(speed.min(initial=np.inf))
         require(slowest >= _LOWEST_SPINDLE_HZ, "spindle_hz", f"at least {_LOWEST_SPINDLE_HZ}", slowest)
-        noise = self._noise.standard_normal((n * self.substeps, 2))
+        noise = self._force_noise() * self._noise.standard_normal((n * self.substeps, 2))
+        if knock is not None:
+            fits = knock.shape == (n, 2) and bool(np.isfinite(knock).all())
+            require(fits, "knock", f"finite, shape {(n, 2)}", knock.shape)
+            noise += np.repeat(knock, self.substeps, axis=0)
         scale = self._scale.standard_normal((n, 2)) * self._scale_noise
         omega = 2.0 * np.pi * speed
         status, out = (self._line if self.model.directions == 1 else self._plane)(refs, omega, noise, scale)
@@ -157,6 +167,37 @@ class Simulator:
         if status != kernels.Status.OK:
             raise SimulationDiverged(sample=self.sample, hint=_HINTS[kernels.Status(status)])
         return self._block(first, out)
+
+    def resume(self, *, air_time: float = 0.0, position: float | None = None, cutting: Cutting | None = None) -> None:
+        """Go on from the next sample after a pause in air, at another place or with another cutting condition.
+
+        Parameters
+        ----------
+        air_time : float
+            Both tools are out of the cut for so long and enter again together (s); the surface starts anew.
+        position : float or None
+            Tools from the tip when they enter (m); None for where they are.
+        cutting : Cutting or None
+            Condition of the cut from now on; None for the present one, which the surface map needs.
+        """
+        require(air_time >= 0.0, "air_time", "at least 0", air_time)
+        require(cutting is None or not self._mapped, "cutting", "None with the surface map", cutting)
+        here = self._here() if position is None else position
+        require(0.0 <= here <= self._plant.stop, "position", "in [0, end_position]", here)
+        self.cutting = self.cutting if cutting is None else cutting
+        entry = self.sample + round(air_time * self.sample_rate_hz)
+        self._plant = self._plant_numbers(here, self._plant.stop, entry)
+        self._state["k"][kernels.WAS_IN_CUT] = 0
+
+    def _here(self) -> float:
+        """Return how far the tools are from the tip (m)."""
+        f, plant = self._state["f"], self._plant
+        turned = f[kernels.THETA] - f[kernels.THETA_ENTRY] if self._state["k"][kernels.WAS_IN_CUT] else 0.0
+        return min(plant.start + plant.feed * float(turned) / (2.0 * math.pi), plant.stop)
+
+    def _force_noise(self) -> float:
+        """Return the force noise of a tool in one step (N rms)."""
+        return self.cutting.force_noise * math.sqrt(0.5 / self.step)
 
     def _line(self, refs: _Floats, omega: _Floats, noise: _Floats, scale: _Floats) -> tuple[int, _Floats]:
         st, out = self._state, np.zeros((plane.CHANNELS, refs.shape[1]))
@@ -188,6 +229,7 @@ class Simulator:
         """Return a copy of the whole state, generators included."""
         return {
             "sample": self.sample,
+            "condition": (self.cutting, self._plant),
             "state": {name: value.copy() for name, value in self._state.items()},
             "noise": self._noise.bit_generator.state,
             "scale": self._scale.bit_generator.state,
@@ -197,6 +239,7 @@ class Simulator:
     def restore(self, snapshot: dict[str, Any]) -> None:
         """Go back to a state from `snapshot`."""
         self.sample = snapshot["sample"]
+        self.cutting, self._plant = snapshot["condition"]
         self._state = {name: value.copy() for name, value in snapshot["state"].items()}
         self._noise.bit_generator.state = snapshot["noise"]
         self._scale.bit_generator.state = snapshot["scale"]
@@ -222,7 +265,6 @@ class Simulator:
             rake=cut.rake_gain,
             force=radial,
             tangential_force=tangential,
-            noise=cut.force_noise * math.sqrt(0.5 / self.step),
             setting=cut.setting_difference,
             cos_psi=math.cos(drives.axis_angle),
             sin_psi=math.sin(drives.axis_angle),
