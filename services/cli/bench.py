@@ -2,39 +2,81 @@
 
 from __future__ import annotations
 
+import pathlib
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 import typer
 
-from services.cli.app import JsonFlag, app, console, emit
+from services.cli.app import JsonFlag, OutDir, app, console, emit, writable_folder
+from services.cli.loop import progress_bar
 from services.errors import InputError
 
 Rows = list[dict[str, Any]]
 
 
-def _transport() -> Rows:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What the command line says of the size of a benchmark."""
+
+    long: bool
+    seed: int
+    workers: int
+    out: pathlib.Path | None
+
+
+def _transport(_: Options) -> dict[str, Any]:
     from services.bench.transport import measure
 
-    return measure()
+    return {"rows": measure()}
 
 
-TABLES: dict[str, Callable[[], Rows]] = {"transport": _transport}
+def _detector(options: Options) -> dict[str, Any]:
+    from services.bench.detector.measure import LONG, SHORT, measure
+
+    with progress_bar("cuts") as progress:
+        outcome = measure(
+            LONG if options.long else SHORT, seed=options.seed, workers=options.workers, out=options.out,
+            progress=progress,
+        )  # fmt: skip
+    written = [] if options.out is None else outcome.write(options.out)
+    return {"rows": outcome.rows, "detector": outcome.numbers, "written": written}
+
+
+TABLES: dict[str, Callable[[Options], dict[str, Any]]] = {"transport": _transport, "detector": _detector}
+LongFlag = Annotated[bool, typer.Option("--long", help="detector: 20 h of stable cutting instead of 1 h.")]
+Workers = Annotated[int | None, typer.Option("--workers", help="detector: processes (default: all cores).", min=1)]
+BenchSeed = Annotated[int, typer.Option("--seed", help="detector: seed of every random number.", min=0)]
 
 
 @app.command()
 def bench(
-    name: Annotated[str | None, typer.Argument(help="One table: transport. Default: all.")] = None,
+    name: Annotated[str | None, typer.Argument(help=f"One table: {', '.join(TABLES)}. Default: all.")] = None,
+    long: LongFlag = False,
+    seed: BenchSeed = 1,
+    workers: Workers = None,
+    out: OutDir = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Measure ours beside its peers, in one run."""
+    """Measure ours beside its peers, in one run; what `detector` has done is kept in --out and not done again."""
     if name is not None and name not in TABLES:
         raise InputError("name", name, f"one of {', '.join(TABLES)}")
-    rows: Rows = []
+    options = Options(long=long, seed=seed, workers=workers or _cores(), out=writable_folder(out))
+    answer: dict[str, Any] = {"rows": []}
     for table in [name] if name else TABLES:
         console.print(f"measuring {table} ...", highlight=False)
-        rows += TABLES[table]()
-    emit({"rows": rows}, table_of(rows), as_json)
+        found = TABLES[table](options)
+        rows = answer["rows"] + found["rows"]
+        answer |= found | {"rows": rows}
+    text = "\n".join([table_of(answer["rows"]), *(f"wrote {path}" for path in answer.get("written", []))])
+    emit(answer, text, as_json)
+
+
+def _cores() -> int:
+    import os
+
+    return os.cpu_count() or 1
 
 
 def table_of(rows: Rows) -> str:
