@@ -25,7 +25,7 @@ NAMES = {
     TURNS: "variance between revolutions",
     SPECTRAL: "50 ms spectrum over idle",
 }
-LEVELS: Floats = np.geomspace(0.02, 200.0, 81)
+LEVELS: Floats = np.geomspace(0.02, 1000.0, 97)
 """Thresholds of the sweep; 12 % apart."""
 
 THESIS_WINDOW_S, THESIS_HZ = 1.0, 2.25
