@@ -75,12 +75,32 @@ def load_case(name: str, changes: dict[str, Any] | None = None) -> Case:
     InputError
         Naming the key, its value and the rule that it breaks.
     """
-    tables = _resolve(name, ())
-    for key, value in (changes or {}).items():
+    return _case(name, _resolve(name, ()), changes or {})
+
+
+def case_from_text(name: str, text: str, changes: dict[str, Any] | None = None) -> Case:
+    """Return a case from its resolved tables, as `Case.text` holds them: no file is needed.
+
+    Parameters
+    ----------
+    name
+        Of the case.
+    text
+        Its tables as JSON.
+    changes
+        As in `load_case`.
+    """
+    return _case(name, json.loads(text), changes or {})
+
+
+def _case(name: str, tables: dict[str, Any], changes: dict[str, Any]) -> Case:
+    for key, value in changes.items():
         *path, last = key.split(".")
         table = tables
         for part in path:
             table = table[part]
+        if last not in table:
+            raise InputError(key, str(value), "a key of the case")
         table[last] = value
     text = json.dumps(tables, indent=1)
     return Case(

@@ -1,5 +1,16 @@
 """Importing this module registers every verb."""
 
-from services.cli import analysis, bench, charts, estimators, loop, recordings, reproduce, services, upkeep
+from services.cli import analysis, bench, charts, estimators, loop, recordings, reproduce, services, sweep, upkeep
 
-__all__ = ["analysis", "bench", "charts", "estimators", "loop", "recordings", "reproduce", "services", "upkeep"]
+__all__ = [
+    "analysis",
+    "bench",
+    "charts",
+    "estimators",
+    "loop",
+    "recordings",
+    "reproduce",
+    "services",
+    "sweep",
+    "upkeep",
+]

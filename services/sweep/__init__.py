@@ -1,0 +1,1 @@
+"""Robustness: one case cut again and again over a grid of conditions."""
