@@ -60,7 +60,7 @@ def test_a_stable_cut_counts_false_alarms(trials):
 def test_the_table_has_every_number_and_the_files_can_be_read(trials, tmp_path):
     outcome = bench.evaluate(trials)
     assert all({*row} == {"case", "ours", "peer", "ratio", "unit"} for row in outcome.rows)
-    numbers, onsets, figure = outcome.write(tmp_path)
+    numbers, onsets, figure, page = outcome.write(tmp_path)
     read = json.loads(numbers.read_text(), parse_constant=lambda name: pytest.fail(name))
     assert read["onsets"] == 3
     assert read["false_alarms"]["hours"] == pytest.approx(5 * 4.0 / 3600.0)
@@ -71,6 +71,8 @@ def test_the_table_has_every_number_and_the_files_can_be_read(trials, tmp_path):
     assert len(rows) == 3
     assert float(rows[0]["latency_ms"]) == trials[0]["latency_ms"]
     assert figure.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    lines = page.read_text().splitlines()
+    assert len({line.count("|") for line in lines}) == 1
 
 
 def test_points_are_chosen_for_what_they_are_good_at(trials):

@@ -36,7 +36,7 @@ FEED, DEPTH, START = (0.10e-3, 0.20e-3), (0.10e-3, 0.35e-3), (2e-3, 10e-3)
 PRESSURE = (0.3, 3.0)
 """Cutting pressure over that of the case."""
 WITHIN = 0.6
-"""Share of the onsets that come in the cut, of those that can: then about half of all do."""
+"""Share of the onsets that come in the cut, of those that can without a leap of the pressure."""
 MISMATCH = 0.1
 """Largest relative error of the masses, springs and dampers that the observer believes in."""
 PREDICTION = 0.05
@@ -110,7 +110,7 @@ class Process:
 
 
 def onset_process(seed: int, number: int, turrets: Sequence[str] = TURRETS) -> Process:
-    """Return a cut that will chatter: half of them from the entry on, half after a stretch of stable cutting."""
+    """Return a cut that will chatter: most from the entry on, three in ten after a stretch of stable cutting."""
     rng = np.random.default_rng([seed, 1, number])
     while True:
         drawn = _drawn(rng, turrets)

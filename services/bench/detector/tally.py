@@ -121,12 +121,14 @@ def as_quick(points: Sequence[Point], p50_ms: float) -> Point | None:
 def summary(onsets: Sequence[Result]) -> Result:
     """Return the numbers of our default setting over some onsets.
 
-    `truth_within_1_hz` is the share in which the true line itself, over the 100 ms before the detection, is so near to
-    the one that dominates the 200 ms after it: chatter that saturates or hops moves, and nobody can know that before.
+    `within_1_hz` is the share of detections whose frequency is so near to the line that dominates the truth in the
+    200 ms after them, `at_once_within_1_hz` to that of the 100 ms before, and `truth_within_1_hz` the share in which
+    these two true lines are so near: chatter that saturates or hops moves, and nobody can know that before.
     """
     late = [one.get("latency_ms") for one in onsets]
     found = [one for one in onsets if one.get("latency_ms") is not None]
-    wrong, moved = ([_apart_hz(one, name) for one in found] for name in ("frequency_hz", "true_before_hz"))
+    wrong, early = (_apart_hz(found, "frequency_hz", true) for true in ("true_hz", "true_before_hz"))
+    moved = _apart_hz(found, "true_before_hz", "true_hz")
     excess = [one["excess_ms"] for one in found if one["excess_ms"] is not None]
     return {
         "onsets": len(onsets),
@@ -138,6 +140,7 @@ def summary(onsets: Sequence[Result]) -> Result:
         "marked_mm": _spread([one["marked_mm"] for one in found]),
         "frequency": {
             **{f"within_{near:g}_hz": share_within(wrong, near) for near in NEAR_HZ},
+            **{f"at_once_within_{near:g}_hz": share_within(early, near) for near in NEAR_HZ},
             **{f"truth_within_{near:g}_hz": share_within(moved, near) for near in NEAR_HZ},
             "p50_hz": quantile(wrong, 0.5),
             "p95_hz": quantile(wrong, 0.95),
@@ -149,10 +152,10 @@ def _spread(values: Sequence[float | None]) -> Result:
     return {name: quantile(values, share) for name, share in (("p50", 0.5), ("p95", 0.95), ("max", 1.0))}
 
 
-def _apart_hz(one: Result, name: str) -> float | None:
-    """Return how far a frequency is from the line that dominates the truth in the 200 ms after the detection (Hz)."""
-    told, true = one[name], one["true_hz"]
-    return None if told is None or true is None else abs(told - true)
+def _apart_hz(found: Sequence[Result], told: str, true: str) -> list[float | None]:
+    """Return how far one frequency is from another (Hz) where the other is known; None where the one was not told."""
+    known = [one for one in found if one[true] is not None]
+    return [None if one[told] is None else abs(one[told] - one[true]) for one in known]
 
 
 def share_within(wrong: Sequence[float | None], near_hz: float) -> float:
