@@ -42,8 +42,8 @@ class Size:
     sweep_every: int
 
 
-SHORT = Size(onsets=250, pairs=24, stable=60, cut_s=60.0, sweep_every=1)
-LONG = Size(onsets=600, pairs=60, stable=600, cut_s=120.0, sweep_every=4)
+SHORT = Size(onsets=250, pairs=24, stable=60, cut_s=60.0, sweep_every=3)
+LONG = Size(onsets=600, pairs=60, stable=600, cut_s=120.0, sweep_every=6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
