@@ -17,9 +17,11 @@ if TYPE_CHECKING:
     )
     from pitch.growth import stiffness_for_growth
     from pitch.islands import stable_intervals
+    from pitch.many_roots import growth_rates
     from pitch.modes import Mode, TurningProcess, process_roots
     from pitch.optimum import optimal_pitch_difference, pitch_difference_for_phase, regenerative_phase
     from pitch.planner import Planner
+    from pitch.robust import RobustPitch, Spread, robust_for_lines, robust_for_process
     from pitch.situation import Cause, Decision, Situation
     from pitch.stability import OneModeProcess, StabilityUnresolved, critical_stiffness, rightmost_root, roots
     from pitch.trajectory import ShiftTrajectory, TrajectoryLimits
@@ -32,8 +34,10 @@ __all__ = [
     "OneModeProcess",
     "Planner",
     "PlannerConfig",
+    "RobustPitch",
     "ShiftTrajectory",
     "Situation",
+    "Spread",
     "StabilityChart",
     "StabilityUnresolved",
     "TrajectoryLimits",
@@ -42,12 +46,15 @@ __all__ = [
     "advise",
     "arc_position",
     "critical_stiffness",
+    "growth_rates",
     "offset_from_slides",
     "optimal_pitch_difference",
     "pitch_difference_for_phase",
     "process_roots",
     "regenerative_phase",
     "rightmost_root",
+    "robust_for_lines",
+    "robust_for_process",
     "roots",
     "slide_set_points",
     "stability_chart",
@@ -65,9 +72,11 @@ _HOME = {
     ),
     "growth": ("stiffness_for_growth",),
     "islands": ("stable_intervals",),
+    "many_roots": ("growth_rates",),
     "modes": ("Mode", "TurningProcess", "process_roots"),
     "optimum": ("optimal_pitch_difference", "pitch_difference_for_phase", "regenerative_phase"),
     "planner": ("Planner",),
+    "robust": ("RobustPitch", "Spread", "robust_for_lines", "robust_for_process"),
     "situation": ("Cause", "Decision", "Situation"),
     "stability": ("OneModeProcess", "StabilityUnresolved", "critical_stiffness", "rightmost_root", "roots"),
     "trajectory": ("ShiftTrajectory", "TrajectoryLimits"),

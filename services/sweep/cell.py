@@ -140,14 +140,16 @@ def _open(case: Case, shift: float, seed: int, length_mm: float) -> Result:
 
 
 def _linear(case: Case, shift: float) -> Result:
-    from pitch import OneModeProcess, rightmost_root
+    from pitch import OneModeProcess, growth_rates
+    from pitch.many_roots import numbers_of
     from turning_sim import linear_parameters
 
     one = linear_parameters(case.workpiece, case.cutting, case.settings.start_position)
     process = OneModeProcess(
         one.mass_at_tools, one.natural_frequency_hz, one.damping_ratio, one.overlap, one.process_damping
     )
-    root = rightmost_root(process, one.cutting_stiffness, case.cutting.spindle_hz, 2.0 * shift)
+    numbers = numbers_of(process)
+    root = complex(growth_rates(*numbers, one.cutting_stiffness, case.cutting.spindle_hz, 2.0 * shift))
     return {"stable": root.real < 0.0, "chatter_hz": root.imag / (2.0 * math.pi), "growth_rate_1_s": root.real}
 
 
