@@ -102,9 +102,11 @@ def linear_cut(plant, chip, velocity, rise, noise, limit):
 
 
 @njit(cache=True, fastmath=False)
-def surface_cut(plant, grid, tool, chip, extra, p, velocity, rise, noise, limit, out):
+def surface_cut(plant, grid, tool, chip, extra, p, before, velocity, rise, noise, limit, out):
     """Return the radial and the tangential force of a tool on the surface that it meets."""
     surface.engaged(grid, tool, chip, extra, p, out)
+    if grid.depth + max(p, before) > grid.flank and out[surface.AREA] > 0.0:
+        surface.lean_over(grid, p, before, out)
     radial, along = surface.chip_forces(grid, tool, out)
     if along == 0.0:
         return 0.0, 0.0
@@ -126,7 +128,7 @@ def push_drives(plant, drive, z, new, ring, n, qx, qy, f):
 
 @njit(cache=True, fastmath=False)
 def look_back(grid, mapped, phase, left, columns, k, u1, u2, tool, weight, met):
-    """Fill what both tools meet; return the depths left there (linear cut only)."""
+    """Fill what both tools meet; return the depths left there by tool 1 and by tool 2."""
     old, chip, extra = met
     if not mapped:
         r1, k[READ1] = read_surface(phase[0], left[0], k[READ1], u2 - math.pi)
@@ -134,11 +136,13 @@ def look_back(grid, mapped, phase, left, columns, k, u1, u2, tool, weight, met):
         return r1, r2
     k[READ1] = surface.find(phase[0], k[READ1], u2 - math.pi, weight)
     surface.meet(grid, columns[0], k[READ1], weight, old[1])
+    r1 = surface.depth_there(left[0], k[READ1], weight)
     k[READ2] = surface.find(phase[1], k[READ2], u1 - math.pi, weight)
     surface.meet(grid, columns[1], k[READ2], weight, old[0])
+    r2 = surface.depth_there(left[1], k[READ2], weight)
     for i in range(2):
         surface.gap(old[i], tool[i], chip[i], extra[i])
-    return 0.0, 0.0
+    return r1, r2
 
 
 @njit(cache=True, fastmath=False)
@@ -148,7 +152,7 @@ def steps(
 ):  # fmt: skip
     """Advance everything by one servo sample; the thrust commands are held over it."""
     old, chip, extra = met
-    out, weight, h0, mask = np.empty(4), np.empty(4), plant.force / plant.stiffness, phase.shape[1] - 1
+    out, weight, h0, mask = np.empty(surface.ANSWERS), np.empty(4), plant.force / plant.stiffness, phase.shape[1] - 1
     limit = omega * plant.radius * plant.tan_clearance
     for j in range(plant.substeps):
         n = k[STEP]
@@ -165,8 +169,8 @@ def steps(
             x, vx, y, vy = at_tools(phi, step, load, free, fx, fy)
             p1, p2, v1 = c * x + s * y + deeper, plant.setting - x, c * vx + s * vy + rate
             if in_cut and mapped:
-                fr1, ft1 = surface_cut(plant, grid, tool[0], chip[0], extra[0], p1, v1, rise, noise1, limit, out)
-                fr2, ft2 = surface_cut(plant, grid, tool[1], chip[1], extra[1], p2, -vx, 1.0, noise2, limit, out)
+                fr1, ft1 = surface_cut(plant, grid, tool[0], chip[0], extra[0], p1, r2, v1, rise, noise1, limit, out)
+                fr2, ft2 = surface_cut(plant, grid, tool[1], chip[1], extra[1], p2, r1, -vx, 1.0, noise2, limit, out)
             elif in_cut:
                 fr1, ft1 = linear_cut(plant, h0 + p1 - plant.mu * r2, v1, rise, noise1, limit)
                 fr2, ft2 = linear_cut(plant, h0 + p2 - plant.mu * r1, -vx, 1.0, noise2, limit)
@@ -181,7 +185,7 @@ def steps(
         if mapped:
             surface.leave(old[0], tool[0], p1, in_cut, rest[0], columns[0, slot])
             surface.leave(old[1], tool[1], p2, in_cut, rest[1], columns[1, slot])
-            left[0, slot], left[1, slot] = p1, p2
+            left[0, slot], left[1, slot] = (p1, p2) if in_cut else (0.0, 0.0)
         else:
             left[0, slot] = plant.mu * r2 + max(h0 + p1 - plant.mu * r2, 0.0) - h0 if in_cut else 0.0
             left[1, slot] = plant.mu * r1 + max(h0 + p2 - plant.mu * r1, 0.0) - h0 if in_cut else 0.0

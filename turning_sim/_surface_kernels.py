@@ -8,6 +8,7 @@ symbol  meaning                                                        origin
 y       height of the surface above the nominal finished one (m)       model, 5
 z       distance from the tip of the tool, towards the chuck (m)       model, 5
 p       how much deeper than nominal a tool stands (m)                 model, 4
+flank   height above the tip from where on the map lacks edge (m)   below
 A, b    chip area (m2) and engaged edge length (m)                     model, 4
 psi     thrust direction, normal to the chord of the engaged edge      model, 4
 he      mean chip thickness A/b (m)                                    model, 4
@@ -16,6 +17,11 @@ he      mean chip thickness A/b (m)                                    model, 4
 Cell `j` of a column lies at the helix that its tool would follow without a shift, plus a fixed distance. Half a turn is
 then a whole number of cells for every shift and speed, so the grid never slides under a tool: a grid fixed on the bar
 would, at 3 mm/s and 5 um, shake the force at 600 Hz.
+
+A column has one height at each place, and few cells for a steep flank. The edge of the map therefore ends in a flank of
+at most 75 deg (`turn_over`), and `lean_over` adds what the edge has beyond. That part stands in the wall that the other
+tool left half a feed behind, never leaves it, and all it meets there is how deep that tool stood: it needs no map, and
+the flank may lean over the cut.
 """
 
 from __future__ import annotations
@@ -27,7 +33,8 @@ import numpy as np
 from numba import njit
 
 REFERENCE_THICKNESS = 33e-6
-AREA, LENGTH, FIRST, LAST = 0, 1, 2, 3
+AREA, LENGTH, FIRST, LAST, OVER = 0, 1, 2, 3, 4
+ANSWERS = 5
 HEIGHT, EDGE, BEND, SKEW = 0, 1, 2, 3
 
 
@@ -41,6 +48,8 @@ class Map(NamedTuple):
     deepest: float
     radius: float
     turn_over: float
+    approach: float
+    flank: float
     thrust: float
     tangential: float
     thrust_exponent: float
@@ -90,6 +99,15 @@ def find(phase, ptr, target, weight):
     weight[2] = ta * tb * td / (ac * bc * cd)
     weight[3] = -ta * tb * tc / (ad * bd * cd)
     return ptr
+
+
+@njit(cache=True, fastmath=False, forceinline=True)
+def depth_there(left, ptr, weight):
+    """Return how deep a tool stood where `find` has found its history (m)."""
+    mask = left.size - 1
+    return (weight[0] * left[(ptr - 1) & mask] + weight[1] * left[ptr & mask]) + (
+        weight[2] * left[(ptr + 1) & mask] + weight[3] * left[(ptr + 2) & mask]
+    )
 
 
 @njit(cache=True, fastmath=False)
@@ -180,7 +198,42 @@ def engaged(grid, tool, chip, extra, p, out):
             if first < 0.0:
                 first = j + t
         here, j = there, j + 1
-    out[AREA], out[LENGTH], out[FIRST], out[LAST] = area * grid.dz, length, first, last
+    out[AREA], out[LENGTH], out[FIRST], out[LAST], out[OVER] = area * grid.dz, length, first, last, 0.0
+
+
+@njit(cache=True, fastmath=False)
+def beyond(grid, height):
+    """Return what the edge has beyond that of the map up to a height above its tip (m).
+
+    Place along the bar, integral of that over the height, and length of edge; negative where it leans back.
+    """
+    r, cot = grid.radius, 1.0 / math.tan(grid.turn_over)
+    nose = r * (1.0 - math.cos(grid.approach))
+    if height <= grid.flank:
+        return 0.0, 0.0, 0.0
+    angle = grid.approach if height >= nose else math.acos(1.0 - height / r)
+    rise, straight = height - grid.flank, max(height - nose, 0.0)
+    sine, cosine = math.sin(angle), math.cos(angle)
+    first_sine, first_cosine = math.sin(grid.turn_over), math.cos(grid.turn_over)
+    lean = cosine / sine if straight > 0.0 else 0.0
+    place = r * sine + straight * lean - (r * first_sine + rise * cot)
+    area = 0.5 * r * r * (angle - sine * cosine - grid.turn_over + first_sine * first_cosine)
+    area += straight * (r * sine + 0.5 * straight * lean) - rise * (r * first_sine + 0.5 * rise * cot)
+    length = r * (angle - grid.turn_over) + straight / sine - rise / first_sine
+    return place, area, length
+
+
+@njit(cache=True, fastmath=False)
+def lean_over(grid, p, before, out):
+    """Add what the edge cuts beyond that of the map to a chip as `engaged` leaves it.
+
+    The pass before stood `before` deeper than nominal (m).
+    """
+    place, area, length = beyond(grid, grid.depth + p)
+    _, cut, _ = beyond(grid, grid.depth + before)
+    out[AREA] += area - cut
+    out[LENGTH] += length
+    out[OVER] = place
 
 
 @njit(cache=True, fastmath=False, forceinline=True)
@@ -197,7 +250,7 @@ def chip_forces(grid, tool, chip):
         return 0.0, 0.0
     direction = grid.steady_cos
     if grid.live:
-        along = (chip[LAST] - chip[FIRST]) * grid.dz
+        along = (chip[LAST] - chip[FIRST]) * grid.dz + chip[OVER]
         direction = along / math.hypot(along, height_at(tool, chip[LAST]) - height_at(tool, chip[FIRST]))
     ratio = math.log(chip[AREA] / (chip[LENGTH] * REFERENCE_THICKNESS))
     radial = grid.thrust * chip[AREA] * math.exp(-grid.thrust_exponent * ratio) * direction

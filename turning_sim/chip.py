@@ -9,6 +9,9 @@ import numpy as np
 
 from turning_sim._check import require
 
+LEANS_MOST = math.radians(120.0)
+"""Beyond, no cutting edge leans."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chip:
@@ -39,15 +42,15 @@ def steady_chip(
 ) -> Chip:
     """Return the chip that a tool removes in the steady cut.
 
-    The edge is an arc about the nose centre that goes over into a straight flank; it reaches back to where the previous
-    pass, `feed_per_tool` behind, has left its cusp.
+    The edge is an arc about the nose centre that goes over into a straight flank, which leans over the cut beyond
+    90 deg; it reaches back to where the previous pass, `feed_per_tool` behind, has left its cusp.
 
     Parameters
     ----------
     depth_of_cut, feed_per_tool, nose_radius : float
         (m)
     approach_angle : float
-        Between flank and feed direction (rad).
+        Between flank and feed direction (rad), below 120 deg.
 
     Returns
     -------
@@ -56,15 +59,15 @@ def steady_chip(
     """
     require(depth_of_cut > 0.0, "depth_of_cut", "positive", depth_of_cut)
     require(nose_radius > 0.0, "nose_radius", "positive", nose_radius)
+    require(0.0 < approach_angle < LEANS_MOST, "approach_angle", "in (0, 120 deg)", approach_angle)
     require(0.0 < feed_per_tool < 2.0 * nose_radius, "feed_per_tool", "in (0, two nose radii)", feed_per_tool)
     r, a = nose_radius, depth_of_cut
     start = math.asin(feed_per_tool / (2.0 * r))
-    tangent = min(approach_angle, math.pi / 2.0)
-    full = r * (1.0 - math.cos(tangent))
-    end = math.acos(1.0 - a / r) if a < full else tangent
-    straight = max(a - full, 0.0) / math.sin(tangent)
+    full = r * (1.0 - math.cos(approach_angle))
+    end = math.acos(1.0 - a / r) if a < full else approach_angle
+    straight = max(a - full, 0.0) / math.sin(approach_angle)
     edge = r * (start + end) + straight
-    last = np.array([r * math.sin(end) + straight * math.cos(tangent), max(a, full) if straight else a])
+    last = np.array([r * math.sin(end) + straight * math.cos(approach_angle), a])
     first = np.array([-r * math.sin(start), r * (1.0 - math.cos(start))])
     chord = last - first
     cusp = _cusp_area(feed_per_tool, r)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from turning_sim.cutting import Cutting
-from turning_sim.process import TURN_OVER, ProcessModel
+from turning_sim.process import ProcessModel
 from turning_sim.workpiece import Workpiece
 
 _DEPTH = (0.05e-3, 0.5e-3)
@@ -82,14 +82,11 @@ def validity(
 
 def _of_cut(cutting: Cutting, model: ProcessModel) -> Iterator[Doubt]:
     depth, radius, feed = cutting.depth_of_cut, cutting.nose_radius, cutting.feed_per_rev / 2.0
-    nose = radius * (1.0 - math.cos(min(cutting.approach_angle, math.pi / 2.0)))
+    nose = radius * (1.0 - math.cos(cutting.approach_angle))
     yield from _within("depth_of_cut", depth, _DEPTH, "force law and size effect are fitted there")
     if model.cut == "linear":
         reason = "beyond the height of the nose the flank cuts too; stiffness and overlap must belong to this depth"
         yield from _within("depth_of_cut", depth, (-math.inf, nose), reason)
-    elif depth > nose * (1.0 + _ROUNDING):
-        reason = "beyond the height of the nose the map takes the engaged flank as one of 88 deg"
-        yield from _within("approach_angle", cutting.approach_angle, (-math.inf, TURN_OVER), reason)
     reason = "beyond a third of the nose radius the chip is no longer that of a nose"
     yield from _within("feed_per_tool", feed, (-math.inf, radius / 3.0), reason)
     yield from _within("spindle_hz", cutting.spindle_hz, _SPEED_HZ, "process damping is fitted there")
