@@ -41,12 +41,16 @@ def vibration_envelope(displacement: Floats, sample_rate_hz: float, band_hz: tup
     """Amplitude of the band-passed displacement, same unit and shape (n,)."""
     if displacement.size == 0:
         return np.zeros(0)
-    sos = signal.butter(4, band_hz, btype="bandpass", fs=sample_rate_hz, output="sos")
-    padding = min(int(0.05 * sample_rate_hz), displacement.size - 1)
-    in_band = signal.sosfiltfilt(sos, displacement, padlen=padding)
+    in_band = band_passed(displacement, sample_rate_hz, band_hz)
     window = 2 * round(0.5 * (ENVELOPE_S * sample_rate_hz - 1)) + 1
     power = ndimage.uniform_filter1d(in_band**2, window, mode="nearest")
     return np.sqrt(2.0 * np.maximum(power, 0.0))
+
+
+def band_passed(displacement: Floats, sample_rate_hz: float, band_hz: tuple[float, float]) -> Floats:
+    """Displacement within a band, without delay, same unit and shape (n,), n > 0."""
+    sos = signal.butter(4, band_hz, btype="bandpass", fs=sample_rate_hz, output="sos")
+    return signal.sosfiltfilt(sos, displacement, padlen=min(int(0.05 * sample_rate_hz), displacement.size - 1))
 
 
 def envelope_um(record: RunRecord, cut: CutSeries) -> Floats:

@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 from scipy import ndimage, signal
 
-from pitch import OneModeProcess, rightmost_root
 from services.closed_loop import open_loop
 from services.config import Case
 from services.doubts import doubts_of, refusing
+from services.linear_theory import strongest_root
 from services.messages import Floats
 from services.metrics import first_held, vibration_envelope
 from services.nodes.machine import make_plant
 from services.tape import plant_surface
-from turning_sim import Simulator
 
 HELD_REVOLUTIONS = 2.0
 """Vibration that stays above the threshold for so long is chatter."""
@@ -132,7 +131,7 @@ def cut_open(case: Case, seed: int, shift: float, length: float) -> OpenCut:
     start = entry if onset is None else onset
     amplitude = float(np.median(envelope[start:])) if envelope.size > start else None
     ra = plant_surface(case, block).roughness(float(block.tool_position[0]), float(block.tool_position[-1]))
-    growth = _growth(case, plant, shift)
+    growth = strongest_root(case, case.settings.start_position, shift).real
     common: dict[str, Any] = {
         "growth_rate_1_s": growth,
         "doubts": doubts_of(case, shift, length),
@@ -160,19 +159,6 @@ def _strongest_line(vibration: Floats, rate: float, middle: float) -> float:
     frequency, power = signal.periodogram(vibration, rate, window="hann", nfft=max(4 * vibration.size, 1 << 16))
     power[(frequency < 0.6 * middle) | (frequency > 1.4 * middle)] = 0.0
     return float(frequency[np.argmax(power)])
-
-
-def _growth(case: Case, plant: Simulator, shift: float) -> float:
-    """Return the growth rate (1/s) of the rightmost root of the linear process where the tools enter."""
-    linear = plant.linear_parameters(case.settings.start_position)
-    process = OneModeProcess(
-        linear.mass_at_tools,
-        linear.natural_frequency_hz,
-        linear.damping_ratio,
-        linear.overlap,
-        linear.process_damping,
-    )
-    return rightmost_root(process, linear.cutting_stiffness, case.cutting.spindle_hz, 2.0 * shift).real
 
 
 def _plateaus(vibration: Floats, position: Floats, rate: float, middle: float) -> tuple[Plateau, ...]:

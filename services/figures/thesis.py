@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from scipy.signal import resample
 
 from services.figures.spectrum import Spectrogram, draw_spectrogram, spectrogram
 from services.figures.style import (
@@ -36,6 +37,7 @@ from services.reproduce.phases import PhaseCut
 _SCALE_DB = (-22.0, 33.0)
 """Of all spectrograms: 0.08 to 45 um."""
 _TOP_HZ = 1000.0
+_ORBIT_S = 0.04
 
 
 def _picture(vibration_um: Floats, rate_hz: float, end_s: float | None = None, top_hz: float = _TOP_HZ) -> Spectrogram:
@@ -103,6 +105,32 @@ def relation_figure(_: Chapter6) -> Figure:
         fontweight="bold", va="center", ha="right",
     )  # fmt: skip
     axes.set(xlabel="pitch difference Δθ (deg)", ylabel="phase difference Δε (π rad)", xlim=(0, 8), ylim=(0, 2))
+    return figure
+
+
+@styled
+def directions_figure(chapter: Chapter6) -> Figure:
+    """Draw what section 6.3 says of the directions: the path of the bar between the tools."""
+    figure = new_figure(10.0, 5.4)
+    panels = figure.subplots(1, 2)
+    for axes, cut in zip(panels, chapter.directions, strict=True):
+        _title(
+            axes, f"{cut.projection_mm:g} mm out of the chuck",
+            "Section 6.3, tools at 130 mm: largest vibration in Y1 direction",
+        )  # fmt: skip
+        widest = 1.35 * float(np.abs([cut.x1_um, cut.y1p_um]).max())
+        count = round(_ORBIT_S * cut.rate_hz)
+        middle = slice(8 * count, 16 * count)
+        x1, y1p = (np.asarray(resample(one[: 3 * count], 24 * count))[middle] for one in (cut.x1_um, cut.y1p_um))
+        axes.plot(x1, y1p, color=TWIN, linewidth=0.9, alpha=0.8)
+        for side, name in ((-1.0, "tool 1"), (1.0, "tool 2")):
+            axes.plot([0.9 * side * widest], [0.0], marker="<" if side > 0.0 else ">", color=INK, markersize=11)
+            say(axes, 0.9 * side * widest, -0.12 * widest, name, INK, ha="center", fontsize=9)
+        colour = CONTROLLED if cut.ratio > 1.0 else TWIN
+        words = f"Y1' {cut.ratio:.2f} times X1\ncut: tangential {cut.tangential_ratio:.2f} times radial"
+        say(axes, 0.03, 0.97, words, colour, transform=axes.transAxes, va="top", fontsize=9.5)
+        axes.set(xlim=(-widest, widest), ylim=(-widest, widest), aspect="equal")
+        axes.set(xlabel="bar along X1 (µm)", ylabel="bar along Y1' (µm)")
     return figure
 
 
@@ -184,13 +212,13 @@ def _roughness(axes: Axes, chapter: Chapter6) -> None:
 @styled
 def sweep_figure(chapter: Chapter6) -> Figure:
     """Draw Fig. 6-18: the shift grows slowly from 0 to 20 deg."""
-    sweep = chapter.sweep
+    sweep, cut = chapter.sweep, chapter.sweep.cut
     figure = new_figure(11.0, 9.0)
     panels = figure.subplots(4, 1, height_ratios=[1.7, 1.0, 0.7, 1.1])
-    begin = int(np.argmax(sweep.shift_deg > 0.01))
-    start_s, end_s = begin / sweep.rate_hz, sweep.shift_deg.size / sweep.rate_hz
-    rate_deg = (sweep.shift_deg[-1] - sweep.shift_deg[begin]) / (end_s - start_s)
-    picture = _picture(sweep.vibration_um, sweep.rate_hz)
+    begin = int(np.argmax(cut.shift_deg > 0.01))
+    start_s, end_s = begin / cut.rate_hz, cut.shift_deg.size / cut.rate_hz
+    rate_deg = (cut.shift_deg[-1] - cut.shift_deg[begin]) / (end_s - start_s)
+    picture = _picture(cut.vibration_um, cut.rate_hz)
     keep = picture.time_s > start_s - 0.5
     along = Spectrogram(
         time_s=(picture.time_s[keep] - start_s) * rate_deg,
@@ -204,22 +232,26 @@ def sweep_figure(chapter: Chapter6) -> Figure:
         "Fig. 6-18: avoided in the vicinity of odd multiples of π, at 652 Hz 2.76°, 8.2°, 13.8°, 19.3° (lines); "
         "the momentary frequency falls along the pass",
     )  # fmt: skip
-    panels[1].plot(sweep.cell_shift_deg, sweep.cell_um, color=TWIN)
+    panels[1].plot(cut.cell_shift_deg, cut.cell_um, color=TWIN)
     panels[1].set_ylabel("amplitude (µm)")
     plain_log(panels[1])
     for odd in (1, 3, 5, 7):
-        found = sweep.quietest(odd)
+        found = cut.quietest(odd)
         if found is not None:
             say(panels[1], found[0], 1.35, f"{found[1]:.2f} π", SHIFT, ha="center", fontsize=9)
     panels[1].set_ylim(1.0, 90.0)
-    panels[2].plot(sweep.shift_deg[begin::450], sweep.x1_mm[begin::450] - sweep.x1_mm[0], color=SHIFT)
+    panels[2].plot(cut.shift_deg[begin::450], cut.x1_mm[begin::450] - cut.x1_mm[0], color=SHIFT)
     panels[2].set_ylabel("slide X1 (mm)")
     panels[3].axhline(0.0, color=MUTED, linewidth=0.8)
+    panels[3].plot(sweep.fixed_shift_deg, sweep.fixed_growth_without_rake, color=CONTROLLED, linewidth=0.9, alpha=0.6)
     panels[3].plot(sweep.fixed_shift_deg, sweep.fixed_growth, color=CONTROLLED)
     panels[3].fill_between(sweep.fixed_shift_deg, sweep.fixed_growth, 0.0, where=(sweep.fixed_growth < 0.0).tolist(),
                            color=CONTROLLED, alpha=0.2, linewidth=0)  # fmt: skip
     panels[3].set(ylabel="growth (1/s)", xlabel="shift of turret 1, Δθ/2 (deg)")
-    panels[3].set_title("Linear theory with the tools 6 mm from the tip, where the line is 652 Hz: below zero is quiet")
+    panels[3].set_title(
+        "Linear theory with the tools 6 mm from the tip, where the line is 652 Hz: below zero is quiet "
+        "(thin: if the rake did not matter)"
+    )
     for axes in panels:
         axes.set_xlim(0.0, 20.0)
         axes.set_xticks(range(0, 21, 2))
@@ -305,6 +337,7 @@ def in_process_figure(chapter: Chapter6) -> Figure:
 
 
 THESIS_FIGURES = {
+    "section-6-3-directions": directions_figure,
     "fig-6-14-error": error_figure,
     "fig-6-16-pass": pass_figure,
     "fig-6-18-sweep": sweep_figure,

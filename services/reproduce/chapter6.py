@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from services.clock import Clock
 from services.reproduce.depth import DepthCut, depth_rows, study_depth
+from services.reproduce.directions import PlaneCut, direction_rows, study_directions
 from services.reproduce.equal_pitch import PassStudy, pass_rows, study_pass
 from services.reproduce.formulas import (
     error_of_the_shift,
@@ -20,7 +21,7 @@ from services.reproduce.plant import PlantName, Progress
 from services.reproduce.rows import Row
 from services.reproduce.sweep import Sweep, study_sweep, sweep_rows
 
-_SHARES = {"pass": 0.55, "phases": 0.2, "sweep": 0.05, "depth": 0.02, "in process": 0.18}
+_SHARES = {"pass": 0.55, "phases": 0.2, "sweep": 0.05, "depth": 0.02, "in process": 0.16, "directions": 0.02}
 """Of the whole time, for the progress."""
 
 
@@ -34,6 +35,7 @@ class Chapter6:
     sweep: Sweep
     depth: tuple[DepthCut, ...]
     in_process: InProcess
+    directions: tuple[PlaneCut, ...]
 
 
 def reproduce_chapter6(
@@ -60,9 +62,12 @@ def reproduce_chapter6(
     depth = study_depth(plant, seed)
     share.of("depth")(1.0)
     in_process = study_in_process(plant, seed, clock, share.of("in process"))
+    directions = study_directions(plant, seed)
+    share.of("directions")(1.0)
     rows = (
         *natural_frequencies(plant),
         *depth_rows(depth),
+        *direction_rows(directions),
         *error_of_the_shift(),
         *pitch_differences(),
         *pass_rows(equal_pitch),
@@ -71,7 +76,15 @@ def reproduce_chapter6(
         *phase_and_difference(),
         *in_process_rows(in_process),
     )
-    return Chapter6(rows=rows, equal_pitch=equal_pitch, phases=phases, sweep=sweep, depth=depth, in_process=in_process)
+    return Chapter6(
+        rows=rows,
+        equal_pitch=equal_pitch,
+        phases=phases,
+        sweep=sweep,
+        depth=depth,
+        in_process=in_process,
+        directions=directions,
+    )
 
 
 class _Shares:

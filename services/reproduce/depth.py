@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from services.linear_theory import strongest_of_pass
 from services.metrics import vibration_envelope
 from services.open_cut import OpenCut, cut_open
-from services.reproduce.plant import PlantName, hertz, prepared_case, strongest_of_pass
+from services.reproduce.plant import PlantName, hertz, prepared_case
 from services.reproduce.rows import Row, doubted, said
 
 LENGTH = 0.020

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, Literal
 
-from pitch import OneModeProcess, rightmost_root
 from services.config import Case, load_case
-from turning_sim import linear_parameters
 
 PlantName = Literal["lumped", "surface"]
 MODELS: dict[PlantName, dict[str, Any]] = {
@@ -18,7 +16,9 @@ MODELS: dict[PlantName, dict[str, Any]] = {
 Progress = Callable[[float], None]
 
 
-def prepared_case(plant: PlantName, name: str, changes: dict[str, Any] | None = None) -> Case:
+def prepared_case(
+    plant: PlantName, name: str, changes: dict[str, Any] | None = None, directions: int | None = None
+) -> Case:
     """Return a shipped case, with values changed, on the wanted plant.
 
     Parameters
@@ -29,36 +29,11 @@ def prepared_case(plant: PlantName, name: str, changes: dict[str, Any] | None = 
         Of the case.
     changes
         Values that replace those of the file.
+    directions
+        In which the bar bends; None for those that the plant has.
     """
-    return load_case(name, (changes or {}) | MODELS[plant])
-
-
-def strongest_root(case: Case, position: float, shift: float) -> complex:
-    """Return growth (1/s) and angular frequency (rad/s) of the strongest root of the linear process.
-
-    Parameters
-    ----------
-    case
-        The case.
-    position
-        Tools from the tip (m).
-    shift
-        Of turret 1 (rad).
-    """
-    linear = linear_parameters(case.workpiece, case.cutting, position)
-    process = OneModeProcess(
-        linear.mass_at_tools,
-        linear.natural_frequency_hz,
-        linear.damping_ratio,
-        linear.overlap,
-        linear.process_damping,
-    )
-    return rightmost_root(process, linear.cutting_stiffness, case.cutting.spindle_hz, 2.0 * shift)
-
-
-def strongest_of_pass(case: Case, shift: float, positions: Sequence[float]) -> complex:
-    """Return the strongest of the roots over several tool positions (m)."""
-    return max((strongest_root(case, position, shift) for position in positions), key=lambda root: root.real)
+    bends: dict[str, Any] = {} if directions is None else {"process.directions": directions}
+    return load_case(name, (changes or {}) | MODELS[plant] | bends)
 
 
 def hertz(root: complex) -> float:
