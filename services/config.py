@@ -99,8 +99,6 @@ def _case(name: str, tables: dict[str, Any], changes: dict[str, Any]) -> Case:
         table = tables
         for part in path:
             table = table[part]
-        if last not in table:
-            raise InputError(key, str(value), "a key of the case")
         table[last] = value
     text = json.dumps(tables, indent=1)
     return Case(
