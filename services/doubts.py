@@ -13,7 +13,6 @@ from turning_sim import Doubt, SimulationDiverged, validity
 _EDGE = {
     "depth_of_cut": ("depth_of_cut_mm", "mm"),
     "feed_per_tool": ("feed_per_tool_mm", "mm"),
-    "approach_angle": ("approach_angle_deg", "deg"),
     "spindle_hz": ("spindle_speed_rpm", "rpm"),
     "feed_force": ("feed_force_n", "n"),
     "shift": ("shift_deg", "deg"),

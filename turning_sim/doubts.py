@@ -82,7 +82,7 @@ def validity(
 
 def _of_cut(cutting: Cutting, model: ProcessModel) -> Iterator[Doubt]:
     depth, radius, feed = cutting.depth_of_cut, cutting.nose_radius, cutting.feed_per_rev / 2.0
-    nose = radius * (1.0 - math.cos(cutting.approach_angle))
+    nose = radius * (1.0 - math.cos(min(cutting.approach_angle, math.pi / 2.0)))
     yield from _within("depth_of_cut", depth, _DEPTH, "force law and size effect are fitted there")
     if model.cut == "linear":
         reason = "beyond the height of the nose the flank cuts too; stiffness and overlap must belong to this depth"
