@@ -4,6 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+ESTIMATORS = (
+    "load_side", "standing", "optimal", "vibration", "medob", "blended", "fitted", "damping", "dob", "thrust", "kalman",
+)  # fmt: skip
+"""Names that a case may give; `chatter.observers.named.NAMES`, without importing it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CaseSettings:
@@ -19,6 +24,8 @@ class CaseSettings:
         Name of the machine in the keys of the bus.
     sample_rate_hz
         Of servo and observers.
+    force_estimator
+        Name of the estimator of the cutting force.
     force_cutoff_hz
         Low-pass of the force estimate.
     start_position, air_time, cut_time
@@ -35,6 +42,7 @@ class CaseSettings:
     seed: int
     machine: str
     sample_rate_hz: float
+    force_estimator: str
     force_cutoff_hz: float
     start_position: float
     air_time: float
@@ -49,6 +57,7 @@ class CaseSettings:
             "seed": (self.seed >= 0, "a whole number, 0 or more"),
             "machine": (bool(self.machine) and set(self.machine) <= _KEY, "letters, digits, - and _"),
             "sample_rate_hz": (1000.0 <= self.sample_rate_hz <= 100e3, "in 1000..100000"),
+            "force_estimator": (self.force_estimator in ESTIMATORS, f"one of {', '.join(ESTIMATORS)}"),
             "force_cutoff_hz": (0.0 < self.force_cutoff_hz < self.sample_rate_hz / 2, "in (0, rate / 2)"),
             "start_position": (self.start_position >= 0.0, "0 or more"),
             "air_time": (0.0 <= self.air_time <= 600.0, "in 0..600"),

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from chatter import LoadSideObserver
 from services.config import Case
 from services.doubts import doubts_of
+from services.estimator import estimated_force, force_observer
 from services.messages import (
     ChatterReport,
     Event,
@@ -116,8 +116,9 @@ def tape_surface(case: Case, tape: Tape) -> Surface:
 
 def twin_series(case: Case, block: PlantBlock, surface: Surface) -> CutSeries:
     """Return the series of a cut without control; the force is estimated as the monitor does."""
-    observer = LoadSideObserver(case.belief, case.settings.sample_rate_hz, case.settings.force_cutoff_hz)
-    force = observer.update(
+    force = estimated_force(
+        force_observer(case),
+        (block.x1_thrust, block.y1_thrust),
         np.column_stack([block.x1_motor_position, block.y1_motor_position]),
         np.column_stack([block.x1_stage_position, block.y1_stage_position]),
     )

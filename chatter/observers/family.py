@@ -6,6 +6,7 @@ name              lambda       property
 medob             1            independent of the stiffness of the screw; all the noise of the motor encoder
 vibration         -alpha       motor friction and motor encoder noise scaled by alpha = M_t/M_r
 load_side         0            no current, no rotor inertia, no motor friction; needs the stiffness at low frequency
+standing          0            load_side with the motor taken to stand above an edge: its counts no longer make lines
 blended           low-pass     1 below an edge, 0 above: for a moving axis with a valid idling table
 dob               (motor)      the drive taken as rigid; wrong from a fraction of its resonance on
 thrust            (command)    what the position loop pushes back with; wrong from a fraction of its bandwidth on
@@ -23,6 +24,8 @@ from chatter.observers.nominal import NominalFeedDrive
 
 BLEND_HZ = 20.0
 """Edge of the blended member when none is given (Hz): below the first tooth-pass line of ordinary milling."""
+STILL_HZ = 100.0
+"""Edge above which the motor of a standing axis does not move: a count of 67 nm is 500 times its motion at 600 Hz."""
 WEIGHTS = {"medob": 1.0, "load_side": 0.0}
 
 
@@ -70,7 +73,7 @@ def linear_observer(
     Parameters
     ----------
     name : str
-        One of medob, vibration, load_side, blended, dob, thrust.
+        One of medob, vibration, load_side, standing, blended, dob, thrust.
     drives : NominalFeedDrive, SingleAxis or NominalTurret
         Nominal drives.
     sample_rate_hz : float
@@ -90,6 +93,12 @@ def linear_observer(
         return two_encoder(
             system, sample_rate_hz, weight, name=name, cutoff_hz=cutoff_hz, order=order, compensation=compensation
         )
+    if name == "standing":
+        gains = stage_balance(system, sample_rate_hz)
+        return LinearObserver(
+            name, system, sample_rate_hz, gains, cutoff_hz=cutoff_hz, order=order, compensation=compensation,
+            still_hz=STILL_HZ,
+        )  # fmt: skip
     if name == "blended":
         rows = [stage_balance(system, sample_rate_hz), motor_balance(system, sample_rate_hz)]
         return LinearObserver(
@@ -101,7 +110,9 @@ def linear_observer(
     elif name == "thrust":
         gains, compensation = thrust_itself(system), "raw"
     else:
-        raise ValueError(f"name must be one of medob, vibration, load_side, blended, dob, thrust, got {name!r}")
+        raise ValueError(
+            f"name must be one of medob, vibration, load_side, standing, blended, dob, thrust, got {name!r}"
+        )
     return LinearObserver(
         name, system, sample_rate_hz, gains, cutoff_hz=cutoff_hz, order=order, compensation=compensation
     )

@@ -37,6 +37,7 @@ class ObserverState:
     seen: int
     origin: Floats
     held: Floats
+    still: Floats
     history: Floats
     slow: Floats
     delays: Floats
@@ -76,6 +77,8 @@ class LinearObserver:
         Where the latency is told (Hz).
     weight : float or None
         lambda of a member of the two-encoder family of one axis, to be told.
+    still_hz : float or None
+        Frequency above which the motor is taken to stand (Hz); its encoder is low-passed there, not aligned for it.
     """
 
     def __init__(
@@ -93,6 +96,7 @@ class LinearObserver:
         smoothing: Floats | None = None,
         centre_hz: float = 0.0,
         weight: float | None = None,
+        still_hz: float | None = None,
     ) -> None:
         if compensation not in ("full", "thrust", "none", "raw"):
             raise ValueError(f"compensation must be full, thrust, none or raw, got {compensation!r}")
@@ -108,6 +112,7 @@ class LinearObserver:
         self.sections = butterworth(order, cutoff_hz, sample_rate_hz) if sections is None else sections
         self.gains = gains
         self.weight = weight
+        self._calm = 0.0 if still_hz is None else float(np.exp(-2.0 * np.pi * still_hz / sample_rate_hz))
         self.needs_thrust = bool(gains[self._positions :].any())
         used = slice(None) if self.needs_thrust else slice(self._positions)
         self._alignment = align(self._ages(compensation)[used] * self.sample_rate_hz)
@@ -139,6 +144,7 @@ class LinearObserver:
         signals = len(self._scaled)
         self._origin = np.zeros(self._positions)
         self._held = np.zeros((self.axes, 2))
+        self._still = np.zeros((self.motors, 2))
         self._history = np.zeros((signals, self._alignment.reach + 2))
         self._slow = np.zeros((self.axes, 2))
         self._delays = np.zeros((self.axes, len(self.sections), 2))
@@ -174,8 +180,8 @@ class LinearObserver:
         buffer = np.empty((2, self.first_valid_sample + len(motor)))
         first, weights, _ = self._alignment
         bad = _kernels.residuals(
-            motor, stage, push, self._seen, self._resolution, first, weights, self._scaled, self._lag, self._origin,
-            self._held, self._history, buffer, residual,
+            motor, stage, push, self._seen, self._resolution, first, weights, self._scaled, self._lag, self._calm,
+            self._origin, self._held, self._still, self._history, buffer, residual,
         )  # fmt: skip
         if bad >= 0:
             reject_non_finite(np.hstack([motor, stage, push] if push.size else [motor, stage]), bad, self._seen)
@@ -189,6 +195,11 @@ class LinearObserver:
         )
         self._seen += len(motor)
         return out if np.ndim(stage_position) == 2 else out[:, 0]
+
+    @property
+    def calms(self) -> bool:
+        """Whether the motor is taken to stand above some frequency."""
+        return self._calm > 0.0
 
     @property
     def first_valid_sample(self) -> int:
@@ -242,6 +253,8 @@ class LinearObserver:
         delay = np.stack(
             [(back[:, None] ** (f + np.arange(w.size))) @ w for f, w in zip(first, taps, strict=True)], axis=1
         )
+        if self._calm > 0.0:
+            delay[:, : self.motors] *= (((1.0 - self._calm) / (1.0 - self._calm * back)) ** 2)[:, None]
         lag = np.ones((len(frequency), self.axes), dtype=np.complex128)
         e = self._lag[None, :]
         delay[:, self._positions :] *= np.where(e < 0.0, lag, (1.0 - e) * back[:, None] / (1.0 - e * back[:, None]))[
@@ -288,6 +301,7 @@ class LinearObserver:
             seen=self._seen,
             origin=self._origin.copy(),
             held=self._held.copy(),
+            still=self._still.copy(),
             history=self._history.copy(),
             slow=self._slow.copy(),
             delays=self._delays.copy(),
@@ -306,4 +320,5 @@ class LinearObserver:
             raise ValueError(f"state must be of history {self._history.shape}, got {state.history.shape}")
         self._seen = state.seen
         self._origin[:], self._held[:], self._history[:] = state.origin, state.held, state.history
+        self._still[:] = state.still
         self._slow[:], self._delays[:], self._idling[:] = state.slow, state.delays, state.idling

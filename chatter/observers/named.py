@@ -15,7 +15,7 @@ from chatter.observers.prediction import Scene
 from chatter.observers.stage_model import NominalControl
 
 NAMES = (
-    "thrust", "dob", "medob", "vibration", "load_side", "blended", "optimal", "fitted", "damping", "kalman",
+    "thrust", "dob", "medob", "vibration", "load_side", "standing", "blended", "optimal", "fitted", "damping", "kalman",
 )  # fmt: skip
 
 

@@ -191,7 +191,7 @@ def quantisation_variance(observer: LinearObserver) -> Floats:
 
     Counts as white noise of variance q^2/12, through the state space of kernel, alignment and low-pass: discrete
     Lyapunov equation P = A P A' + B B', variance C P C' + D^2. Hayashi, Fujimoto et al. do so for their fit. Where two
-    balances are blended, the mean over the spectrum.
+    balances are blended or the motor is low-passed, the mean over the spectrum.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def quantisation_variance(observer: LinearObserver) -> Floats:
         Of one axis.
     """
     counts = observer.drives.sensors.resolutions
-    if observer.blends:
+    if observer.blends or observer.calms:
         hz = (np.arange(_FINE) + 0.5) / _FINE * 0.5 * observer.sample_rate_hz
         gain = observer.weights(hz)[:, 0, : len(counts)]
         return np.array(counts) ** 2 / 12.0 * np.mean(gain.real**2 + gain.imag**2, axis=0)

@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from chatter import ChatterEstimate, ChatterMonitor, LoadSideObserver
+from chatter import ChatterEstimate, ChatterMonitor
 from chatter.limits import LearnedLevel
 from chatter.monitor import MonitorState
 from services.config import Case
+from services.estimator import estimated_force, force_observer
 from services.messages import ChatterReport, Event, ForceBlock, Message, SampleBlock
 
 SOURCE = "monitor"
@@ -24,7 +25,7 @@ class MonitorNode:
     Parameters
     ----------
     case
-        The case; only its belief and its monitor are read.
+        The case; only its belief, its monitor and how the loops are tuned are read.
     run
         Identifier of the run.
     """
@@ -34,7 +35,7 @@ class MonitorNode:
     def __init__(self, case: Case, run: str) -> None:
         rate = case.settings.sample_rate_hz
         self._run = run
-        self._observer = LoadSideObserver(case.belief, rate, case.settings.force_cutoff_hz)
+        self._observer = force_observer(case)
         self._latency = self._observer.latency
         self._monitor = ChatterMonitor(case.monitor, rate, channels=2)
         self._next: int | None = None
@@ -122,7 +123,7 @@ class MonitorNode:
         if not (np.abs(motor).max() < LONGEST_M and np.abs(stage).max() < LONGEST_M):
             self._observer.reset()
             return np.full(motor.shape, np.nan)
-        return self._observer.update(motor, stage)
+        return estimated_force(self._observer, (block.x1_thrust_n, block.y1_thrust_n), motor, stage)
 
     def _report(self, block: SampleBlock, estimate: ChatterEstimate) -> ChatterReport:
         return ChatterReport(

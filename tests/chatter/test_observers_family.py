@@ -77,7 +77,7 @@ def test_a_rigid_drive_and_the_thrust_alone_are_wrong_near_resonance():
     assert error_ratio(linear_observer("thrust", A, RATE), A) > 0.5
 
 
-@pytest.mark.parametrize("name", [*NAMES, "dob"])
+@pytest.mark.parametrize("name", [*NAMES, "dob", "standing"])
 def test_weights_of_the_signals_are_those_of_the_stream(name):
     observer = linear_observer(name, A, RATE, blend_hz=30.0)
     time = np.arange(6000) / RATE
@@ -105,7 +105,10 @@ def test_mass_error_acts_as_published():
     assert abs(predicted[1]) == pytest.approx(3.1 * (2 * np.pi * 335.0) ** 2, rel=1e-3)
 
 
-@given(cuts=st.lists(st.integers(0, 90), min_size=1, max_size=6), name=st.sampled_from([*NAMES, "dob", "thrust"]))
+@given(
+    cuts=st.lists(st.integers(0, 90), min_size=1, max_size=6),
+    name=st.sampled_from([*NAMES, "dob", "thrust", "standing"]),
+)
 def test_any_blocks_give_the_same_force(cuts, name):
     rng = np.random.default_rng(0)
     n = sum(cuts)
@@ -135,7 +138,7 @@ def test_a_turret_takes_every_member_of_the_family():
 
 def test_state_can_be_copied_and_put_back():
     thrust, motor, stage, _ = signals(A, samples=300)
-    for name in (*NAMES, "dob"):
+    for name in (*NAMES, "dob", "standing"):
         a, b = linear_observer(name, A, RATE), linear_observer(name, A, RATE)
         a.update(motor[:100], stage[:100], thrust[:100])
         state = a.snapshot()

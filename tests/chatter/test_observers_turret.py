@@ -54,3 +54,13 @@ def test_what_an_estimator_needs_is_asked_for():
         turret_observer("kalman", NTY3, RATE)
     with pytest.raises(ValueError, match="name must be one of"):
         turret_observer("all", NTY3, RATE)
+
+
+def test_a_hunting_motor_count_makes_no_line_in_a_standing_turret():
+    motor, stage = signals(NTY3, (100.0, 50.0), samples=3000)
+    hunting = 66.7e-9 * (np.arange(3000) // 14 % 2)[:, None] * np.ones(2)  # one count to and fro, 321 Hz
+    sound, still = (turret_observer(name, NTY3, RATE) for name in ("load_side", "standing"))
+    loud, quiet = (abs(phasor(o.update(motor + hunting, stage), 9000.0 / 28)) for o in (sound, still))
+    assert (quiet < 0.15 * loud).all()
+    still.reset()
+    np.testing.assert_allclose(np.abs(phasor(still.update(motor, stage), 612.0)), [100.0, 50.0], rtol=0.05)

@@ -293,3 +293,11 @@ def test_a_monitor_started_afresh_in_mid_cut_does_not_cry_wolf(at):
                 loop.wrap("monitor", lambda _: MonitorNode(case, ""))
             loop.step(number)
         assert len([event for event in loop.tape.of(Event) if event.source == "controller"]) == 1
+
+
+@pytest.mark.parametrize("name", ["standing", "optimal"])
+def test_the_loop_takes_an_estimator_by_its_name(name):
+    case = load_case("thesis-652", {"case.force_estimator": name})
+    summary = run_case(case, 1, CountingClock()).summary
+    assert summary.outcome in ("suppressed", "prevented")
+    assert summary.moves == 1

@@ -139,3 +139,10 @@ def test_resolved_text_is_complete():
     assert '"turned_diameter_mm": 22.1' in case.text
     assert "extends" not in case.text
     assert set(tomllib.loads(shipped()["thesis-652"].read_text())) <= set(__import__("json").loads(case.text))
+
+
+def test_every_estimator_that_a_case_may_name_exists():
+    from chatter.observers.named import NAMES
+    from services.case_settings import ESTIMATORS
+
+    assert set(ESTIMATORS) == set(NAMES)

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from chatter import LoadSideObserver
 from services.bench.detector.draw import Process, at_pressure, with_derivatives
 from services.bench.detector.programme import Piece
 from services.bench.detector.truth import onset_sample
+from services.estimator import estimated_force, force_observer
 from services.messages import BLOCK_S, Floats
 from services.nodes.machine import make_plant
 from turning_sim import PlantBlock, SimulationDiverged, Simulator, linear_parameters, slides_of_shift
@@ -85,14 +85,15 @@ class _Recorder:
     """Keeps of every block of the plant what a stream needs."""
 
     def __init__(self, process: Process) -> None:
-        settings = process.case.settings
-        self._process, self._rate = process, settings.sample_rate_hz
-        self._observer = LoadSideObserver(process.case.belief, self._rate, settings.force_cutoff_hz)
+        self._process, self._rate = process, process.case.settings.sample_rate_hz
+        self._observer = force_observer(process.case)
         self._parts: list[tuple[Floats, ...]] = []
 
     def take(self, block: PlantBlock, engaged: bool | None) -> None:
         """Keep a block and whether the machine says that the tools cut; None: it says the truth."""
-        force = self._observer.update(
+        force = estimated_force(
+            self._observer,
+            (block.x1_thrust, block.y1_thrust),
             np.column_stack([block.x1_motor_position, block.y1_motor_position]),
             np.column_stack([block.x1_stage_position, block.y1_stage_position]),
         )
