@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from services.config import Case
+from services.doubts import doubts_of
 from services.errors import InputError
 from services.messages import Floats
 
@@ -47,7 +48,7 @@ class CaseChart:
     case_column: float
     reference_hz: float
     shift_deg: float
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[str, ...]
 
 
 def case_chart(
@@ -93,7 +94,7 @@ def case_chart(
     return CaseChart(
         kind=kind, columns=at, chart=stability_chart(process, speed, difference, rows),
         case_stiffness_n_m=linear.cutting_stiffness, case_column=1.0 if kind == "phase" else 60.0 * spindle_hz,
-        reference_hz=reference, shift_deg=shift_deg,
+        reference_hz=reference, shift_deg=shift_deg, doubts=doubts_of(case, math.radians(shift_deg), 0.0),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import typer
 
 from services.cli.app import JsonFlag, OutDir, app, emit, require, writable_folder
 from services.clock import WallClock
+from services.doubts import notes
 from services.errors import InputError
 
 KINDS = ("phase", "lobes", "shift")
@@ -65,6 +66,7 @@ def chart(
         "stable_share": float(stable.mean()),
         "island_share": float(found.chart.islands.mean()),
         "case_stiffness_n_m": found.case_stiffness_n_m,
+        "doubts": list(found.doubts),
         "written": written,
     }
     text = (
@@ -76,7 +78,7 @@ def chart(
         if limit.size
         else "no limit below the top"
     )
-    emit(answer, text + "".join(f"\nwrote {path}" for path in written), as_json)
+    emit(answer, text + notes(found.doubts) + "".join(f"\nwrote {path}" for path in written), as_json)
 
 
 def _range(text: str | None) -> tuple[float, float] | None:

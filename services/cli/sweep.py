@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from services.cli.app import JsonFlag, OutDir, Seed, app, console, emit, positive, require, writable_folder
 from services.cli.loop import CaseName
 from services.clock import WallClock
+from services.doubts import notes
 from services.errors import InputError, RefusalError
 
 Text = str | None
@@ -95,7 +96,7 @@ def _words(answer: dict[str, Any]) -> str:
         lines.append(f"{answer['not_run']} not run")
     if answer["damaged_lines"]:
         lines.append(f"{answer['damaged_lines']} damaged lines of an earlier call were computed again")
-    return "\n".join(lines)
+    return "\n".join(lines) + notes(answer["doubts"])
 
 
 @contextmanager

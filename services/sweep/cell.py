@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from services.clock import WallClock
 from services.config import Case, case_from_text, replaced
+from services.doubts import doubts_of
 from services.errors import InputError, RefusalError
 from services.sweep.axes import KINDS, Value
 
@@ -19,7 +21,7 @@ CLOSED = ("stable", "chatter_hz", "detection_latency_s", "shift_deg", "moves", "
 LINEAR = ("stable", "chatter_hz", "growth_rate_1_s")
 QUANTITIES: dict[Mode, tuple[str, ...]] = {"open": OPEN, "closed": CLOSED, "linear": LINEAR}
 Result = dict[str, Any]
-"""Quantities by name, or `failed` with a sentence."""
+"""Quantities by name, or `failed` with a sentence; `doubts` where the cell lies outside the range of the model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,9 +75,15 @@ def run_cell(task: Task, job: Job) -> Result:
         if task.mode == "closed":
             return _closed(case, seed)
         shift = 0.0 if phase is None else shift_of(case, phase)
-        return _linear(case, shift) if task.mode == "linear" else _open(case, shift, seed, task.length_mm)
+        if task.mode == "linear":
+            return _linear(case, shift) | _doubted(doubts_of(case, shift, 0.0))
+        return _open(case, shift, seed, task.length_mm)
     except (ValueError, ArithmeticError, RefusalError) as error:
         return {"failed": str(error) or type(error).__name__}
+
+
+def _doubted(doubts: Sequence[str]) -> Result:
+    return {"doubts": list(doubts)} if doubts else {}
 
 
 def case_of(task: Task, job: Job) -> tuple[Case, float | None, int]:
@@ -136,7 +144,7 @@ def _open(case: Case, shift: float, seed: int, length_mm: float) -> Result:
         "growth_rate_1_s": cut.growth_rate_1_s,
         "amplitude_um": cut.amplitude_um,
         "ra_um": cut.ra_um,
-    }
+    } | _doubted(cut.doubts)
 
 
 def _linear(case: Case, shift: float) -> Result:
@@ -156,6 +164,7 @@ def _linear(case: Case, shift: float) -> Result:
 def _closed(case: Case, seed: int) -> Result:
     from services.closed_loop import run_case
 
-    summary = run_case(case, seed, WallClock()).summary.as_dict()
+    summary: Result = run_case(case, seed, WallClock()).summary.as_dict()
     quiet = summary["outcome"] in ("stable", "suppressed", "prevented")
-    return {name: quiet if name == "stable" else summary[name] for name in CLOSED}
+    shown = {name: quiet if name == "stable" else summary[name] for name in CLOSED}
+    return shown | _doubted(summary["doubts"])

@@ -23,6 +23,7 @@ from services.sweep.store import Store
 UNITS = {"chatter_hz": "Hz", "growth_rate_1_s": "1/s", "amplitude_um": "um", "ra_um": "um", "ra_before_um": "um",
          "ra_after_um": "um", "marked_length_mm": "mm", "detection_latency_s": "s", "shift_deg": "deg"}  # fmt: skip
 NOT_RUN, DONE, FAILED = 0, 1, 2
+MOST_TOLD = 5
 Progress = Callable[[int, int], None]
 
 
@@ -58,6 +59,11 @@ class Sweep:
     def failed(self) -> int:
         """Cells that failed."""
         return sum("failed" in result for result in self.results.values())
+
+    @property
+    def doubts(self) -> list[str]:
+        """What lies outside the range of the model in any of the cells, in words."""
+        return sorted({doubt for result in self.results.values() for doubt in result.get("doubts", ())})
 
     def values(self, quantity: str) -> Floats:
         """Return one quantity over the axes, NaN where there is none."""
@@ -105,7 +111,9 @@ class Sweep:
             "wall_s": self.wall_s,
             "stable_band_pi": None if band is None else list(band),
             "stable_share": float(np.nanmean(self.values("stable"))) if len(self.results) > self.failed else None,
-            "reasons": sorted({result["failed"] for result in self.results.values() if "failed" in result})[:5],
+            "doubted": sum("doubts" in result for result in self.results.values()),
+            "doubts": self.doubts[:MOST_TOLD],
+            "reasons": sorted({result["failed"] for result in self.results.values() if "failed" in result})[:MOST_TOLD],
         }
 
 
@@ -200,7 +208,8 @@ def write_sweep(sweep: Sweep, folder: pathlib.Path) -> list[str]:
             result = sweep.results.get(number, {})
             state = words[int(sweep.state.flat[number])]
             row = [*map(str, values.values()), state, *(_cell(result.get(name)) for name in names[1:])]
-            out.write(",".join([*row, '"' + str(result.get("failed", "")).replace('"', "'") + '"']) + "\n")
+            said = result.get("failed") or "; ".join(result.get("doubts", ()))
+            out.write(",".join([*row, '"' + str(said).replace('"', "'") + '"']) + "\n")
     return [str(netcdf), str(csv)]
 
 

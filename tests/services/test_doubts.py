@@ -118,11 +118,10 @@ def test_the_largest_shift_of_a_run_counts():
     assert doubt == "shift_deg should be in -20...20, got -21: the tool no longer keeps its angles"
 
 
-def test_the_end_of_the_cut_counts():
+def test_the_end_of_the_cut_counts(tmp_path):
     """A stub that is turned thin at its tip rings higher as the cut goes on."""
-    stub = {"length_mm": 85.0, "turned_length_mm": 10.0, "finished_diameter_mm": 15.0}
-    softer = {"cutting.cutting_stiffness_n_per_m": 1e5}
-    case = load_case("thesis-652", {f"workpiece.{key}": value for key, value in stub.items()} | softer)
+    stub = "[workpiece]\nlength_mm = 85.0\nturned_length_mm = 10.0\nfinished_diameter_mm = 15.0\n"
+    case = load_case(str(case_file(tmp_path, stub + "[cutting]\ncutting_stiffness_n_per_m = 1e5")))
     assert doubts_of(case, length=1e-3) == ()
     assert [doubt.split()[0] for doubt in doubts_of(case, length=40e-3)] == [
         "natural_frequency_hz", "stiffened_frequency_hz",
@@ -139,3 +138,15 @@ def test_a_doubt_in_words_has_its_unit():
     doubt = Doubt(name="spindle_hz", value=5.0, least=10.0, most=50.0, reason="so")
     assert in_words(doubt) == "spindle_speed_rpm should be in 600...3000, got 300: so"
     assert str(doubt) == "spindle_hz should be in 10...50, got 5: so"
+
+
+def test_a_sweep_and_a_chart_say_it_too(capsys, tmp_path):
+    code, answer = answer_of(
+        capsys, "sweep", "thesis-652", "--depth-mm", "0.2,0.45", "--linear", "--workers", 1, "--out", tmp_path
+    )
+    assert (code, answer["doubted"]) == (0, 1)
+    assert [doubt.split(":")[0] for doubt in answer["doubts"]] == ["depth_of_cut_mm should be at most 0.4, got 0.45"]
+    assert "got 0.45" in (tmp_path / "sweep.csv").read_text(encoding="utf-8").splitlines()[-1]
+    deep = case_file(tmp_path, FLAGGED["depth beyond the nose"][0])
+    code, answer = answer_of(capsys, "chart", "phase", deep, "--cells", 4, "--out", tmp_path)
+    assert (code, len(answer["doubts"])) == (0, 1)
