@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import multiprocessing
 from collections.abc import Callable, Generator, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import CancelledError, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from typing import Any
 
@@ -76,7 +76,7 @@ def _on_dask(task: Task, batches: list[list[Job]], scheduler: str, done: Done) -
         try:
             for future in as_finished(futures):
                 done(future.result())
-        except (OSError, TimeoutError, RuntimeError) as error:
+        except (OSError, TimeoutError, RuntimeError, CancelledError) as error:
             raise RefusalError(
                 f"the scheduler {scheduler} was lost ({type(error).__name__}); the finished cells are kept, run the"
                 " same command again to go on",
