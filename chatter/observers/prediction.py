@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from chatter.filters import response
+from chatter.observers.damping import resonance
 from chatter.observers.linear import LinearObserver
 from chatter.observers.nominal import NominalFeedDrive, SingleAxis
 from chatter.observers.stage_model import NominalControl, sensed, with_errors
@@ -245,6 +246,9 @@ def filtered_variance(taps: Floats, sections: Floats) -> float:
 def least_forces(drive: NominalFeedDrive, sample_rate_hz: float) -> dict[str, float]:
     """Return the force that one count more or less in one sample makes (N); thesis, Table 3-4.
 
+    The last three are what a count of the scale makes in the vibration mode; the print lists the modal forces, which
+    are these over the mass ratio alpha.
+
     Parameters
     ----------
     drive : NominalFeedDrive
@@ -258,4 +262,7 @@ def least_forces(drive: NominalFeedDrive, sample_rate_hz: float) -> dict[str, fl
         "stage_inertia": drive.stage_mass * stage * rate**2,
         "rotor_damping": drive.rotor_viscosity * motor * rate,
         "stage_damping": drive.stage_damping * stage * rate,
+        "vibration_inertia": drive.stage_mass * stage * rate**2,
+        "vibration_damping": resonance(drive).damping / (1.0 + drive.mass_ratio) * stage * rate,
+        "vibration_elastic": (1.0 + drive.mass_ratio) * drive.screw_stiffness * stage,
     }

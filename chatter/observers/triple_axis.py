@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from math import inf, isfinite, pi
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eigh
 
 from chatter.observers.nominal import Sensors
@@ -109,3 +109,18 @@ class TripleAxis:
         mass, _, stiffness = self.matrices()
         square, shapes = eigh(stiffness, mass)
         return np.sqrt(np.maximum(square, 0.0)) / (2.0 * pi), np.asarray(shapes / shapes[0], dtype=np.float64)
+
+    def sensed(self, frequency_hz: ArrayLike) -> NDArray[np.complex128]:
+        """Return what motor, nut and stage encoder show per unit force when nothing drives the axis, shape (k, 3).
+
+        Parameters
+        ----------
+        frequency_hz : array_like, shape (k,)
+            Frequencies (Hz), above 0.
+        """
+        s = 2j * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=np.float64))[:, None, None]
+        mass, damping, stiffness = self.matrices()
+        push = np.broadcast_to(np.array([0.0, 0.0, -1.0]), (len(s), 3))[..., None]
+        moved = np.linalg.solve(mass * s**2 + damping * s + stiffness, push)[..., 0]
+        ages = np.array([self.motor_delay, self.nut_delay, self.stage_delay])
+        return np.asarray(moved * np.exp(-s[:, 0] * ages), dtype=np.complex128)
