@@ -21,6 +21,9 @@ class Row:
         What was observed.
     printed, computed
         In `unit`; a word where the print has only words, None where there is no value.
+    expected
+        What stands in place of the print where that is wrong or lost with its figure, from an independent calculation;
+        None where the print itself is compared.
     unit
         Of both; empty for words and ratios.
     agrees
@@ -39,21 +42,24 @@ class Row:
     agrees: bool
     why: str
     doubts: tuple[str, ...] = ()
+    expected: Value = None
 
 
 def near(
     source: str,
     quantity: str,
-    printed: float,
+    printed: float | None,
     computed: float | None,
     unit: str,
     *,
     within: float,
     why: str,
     otherwise: str = "",
+    expected: float | None = None,
 ) -> Row:
-    """Return a row that agrees if the computed value is `within` so much of the printed one."""
-    agrees = computed is not None and abs(computed - printed) <= within
+    """Return a row that agrees if the computed value is `within` so much of the printed, or the expected, one."""
+    target = printed if expected is None else expected
+    agrees = computed is not None and target is not None and abs(computed - target) <= within
     said = f"within {within:.3g} {unit}".rstrip() + f": {why}"
     return Row(
         source=source,
@@ -61,14 +67,21 @@ def near(
         printed=printed,
         computed=computed,
         unit=unit,
-        agrees=agrees,
+        agrees=bool(agrees),
         why=said if agrees or not otherwise else f"not {said}. {otherwise}",
+        expected=expected,
     )
 
 
-def said(source: str, quantity: str, printed: str, computed: Value, agrees: bool, *, why: str, unit: str = "") -> Row:
+def said(
+    source: str, quantity: str, printed: str | None, computed: Value, agrees: bool, *, why: str, unit: str = "",
+    expected: str | None = None,
+) -> Row:  # fmt: skip
     """Return a row for something printed in words."""
-    return Row(source=source, quantity=quantity, printed=printed, computed=computed, unit=unit, agrees=agrees, why=why)
+    return Row(
+        source=source, quantity=quantity, printed=printed, computed=computed, unit=unit, agrees=bool(agrees),
+        why=why, expected=expected,
+    )  # fmt: skip
 
 
 def doubted(rows: Iterable[Row], doubts: Iterable[str]) -> list[Row]:
@@ -78,6 +91,11 @@ def doubted(rows: Iterable[Row], doubts: Iterable[str]) -> list[Row]:
 
 
 def as_table(rows: Iterable[Row]) -> dict[str, Any]:
-    """Return the keys of the command line."""
+    """Return the keys of the command line: `agree` of `total` that have a print, and how many have none."""
     listed = [asdict(row) for row in rows]
-    return {"rows": listed, "agree": sum(row["agrees"] for row in listed), "total": len(listed)}
+    counted = [row["agrees"] for row in listed if row["printed"] is not None]
+    others = [row["agrees"] for row in listed if row["printed"] is None]
+    return {
+        "rows": listed, "agree": sum(counted), "total": len(counted),
+        "unprinted": len(others), "unprinted_hold": sum(others),
+    }  # fmt: skip
