@@ -1,0 +1,1 @@
+"""Cutting force without a sensor: what four sources print beside what is computed."""
