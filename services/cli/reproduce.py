@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pathlib
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 import typer
@@ -11,8 +13,12 @@ from services.cli.loop import PlantModel, model_of, progress_bar
 from services.clock import WallClock
 from services.doubts import notes
 from services.errors import InputError
+from services.reproduce.plant import PlantName
+from services.reproduce.rows import Row
 
-NAMES = ("chapter6",)
+NAMES = ("chapter6", "estimators")
+Found = tuple[Iterable[Row], list[pathlib.Path]]
+"""Rows, and files that were written."""
 
 
 @app.command()
@@ -26,31 +32,64 @@ def reproduce(
     """Set every published number of a publication beside what the model computes, and say where they differ."""
     if name not in (*NAMES, "all"):
         raise InputError("name", name, f"one of {', '.join((*NAMES, 'all'))}")
-    from services.reproduce.chapter6 import reproduce_chapter6
     from services.reproduce.rows import as_table
 
     folder = writable_folder(out)
-    with progress_bar("chapter 6 of the thesis") as progress:
-        chapter = reproduce_chapter6(
-            clock=WallClock(), seed=1 if seed is None else seed, plant=model_of(plant), progress=progress
-        )
-    answer = as_table(chapter.rows)
-    text = "\n".join([*(_line(row) for row in answer["rows"]), f"{answer['agree']} of {answer['total']} agree"])
+    rows: list[Row] = []
+    written: list[pathlib.Path] = []
+    if name in ("chapter6", "all"):
+        _add(rows, written, _chapter6(model_of(plant), 1 if seed is None else seed, folder))
+    if name in ("estimators", "all"):
+        _add(rows, written, _estimators(folder))
+    answer = as_table(rows)
+    lines = [*(_line(row) for row in answer["rows"]), f"{answer['agree']} of {answer['total']} agree"]
+    if answer["unprinted"]:
+        lines.append(f"{answer['unprinted_hold']} of {answer['unprinted']} hold that have no print")
     if folder is not None:
-        from services.figures.thesis import write_thesis_figures
+        answer["written"] = written
+    emit(answer, "\n".join([*lines, *(f"wrote {path}" for path in written)]), as_json)
 
-        answer["written"] = write_thesis_figures(chapter, folder)
-        text += "".join(f"\nwrote {path}" for path in answer["written"])
-    emit(answer, text, as_json)
+
+def _add(rows: list[Row], written: list[pathlib.Path], found: Found) -> None:
+    rows.extend(found[0])
+    written.extend(found[1])
+
+
+def _chapter6(plant: PlantName, seed: int, folder: pathlib.Path | None) -> Found:
+    from services.reproduce.chapter6 import reproduce_chapter6
+
+    with progress_bar("chapter 6 of the thesis") as progress:
+        chapter = reproduce_chapter6(clock=WallClock(), seed=seed, plant=plant, progress=progress)
+    if folder is None:
+        return chapter.rows, []
+    from services.figures.thesis import write_thesis_figures
+
+    return chapter.rows, write_thesis_figures(chapter, folder)
+
+
+def _estimators(folder: pathlib.Path | None) -> Found:
+    from services.reproduce.estimators.study import reproduce_estimators, study_choice
+
+    with progress_bar("cutting force without a sensor") as progress:
+        study = reproduce_estimators(progress)
+    if folder is None:
+        return study.rows, []
+    from services.figures.force_study import write_estimator_figures
+
+    return study.rows, write_estimator_figures(study, study_choice(), folder)
 
 
 def _line(row: dict[str, Any]) -> str:
     unit = f" {row['unit']}" if row["unit"] else ""
-    sign = "agrees " if row["agrees"] else "DIFFERS"
-    values = f"printed {_value(row['printed'])}, computed {_value(row['computed'])}{unit}"
-    why = "" if row["agrees"] else f"\n        {row['why']}"
+    printed, expected = row["printed"], row["expected"]
+    good, bad = ("agrees ", "DIFFERS") if printed is not None else ("holds  ", "FAILS  ")
+    known = [] if printed is None else [f"printed {_value(printed)}"]
+    known += [] if expected is None else [f"{'expected' if printed is None else 'corrected'} {_value(expected)}"]
+    values = ", ".join([*known, f"computed {_value(row['computed'])}{unit}"])
+    tell = not row["agrees"] or (printed is not None and expected is not None)
+    why = f"\n        {row['why']}" if tell else ""
     outside = notes(row["doubts"]).replace("\n", "\n        ")
-    return f"{sign} {row['source']}: {row['quantity']}: {values}{why}{outside}"
+    return f"{good if row['agrees'] else bad} {row['source']}: {row['quantity']}: {values}{why}{outside}"
 
 
 def _value(value: float | str | None) -> str:
