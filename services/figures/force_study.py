@@ -68,8 +68,10 @@ def resolution_figure(study: Estimators) -> Figure:
         axes.set_yticks([1e-3, 1e-2, 0.1, 1.0, 10.0], ["0.001", "0.01", "0.1", "1", "10"])
     panels[0].set_ylabel("standard deviation of the error (N)")
     _counts_of_drives(panels[0])
-    said_there(panels[0], "Counts of the motor encoder", "machine A: predicted (lines), simulated (dots); Fig. 4-7:\n"
-               "bars, for MEDOB with the filters of the thesis; diamonds: the same simulated")  # fmt: skip
+    said_there(
+        panels[0], "Counts of the motor encoder", "machine A: predicted (lines), simulated (dots); Fig. 4-7: bars, MEDOB\n"
+        "with the filters of the thesis; diamonds: the same simulated",
+    )  # fmt: skip
     said_there(panels[1], "Counts of the linear scale", "the same; a count of the scale weighs\nalike in all three")
     for name, (at, level) in {"medob": (9.0, 2.3), "vibration": (9.0, 0.21), "load_side": (12.0, 0.016)}.items():
         say(panels[0], at, level, NAMES[name], COLOURS[name], ha="right" if name != "load_side" else "left")
@@ -217,7 +219,7 @@ def kalman_figure(study: Estimators) -> Figure:
     said_there(axes, "Kalman filter on the thrust alone", f"tooth passing at {hz:g} Hz between modes at 32 and 88 Hz; "
                f"error over force: {found.known:.2f} with its lines, {found.blind:.2f} without")  # fmt: skip
     say(axes, 2.0, 182.0, "lines of tooth passing known", CONTROLLED, ha="left")
-    say(axes, 60.0, 182.0, "force as a random walk", TWIN, ha="left")
+    say(axes, 60.0, 182.0, "force as a random walk, its delay taken off", TWIN, ha="left")
     return figure
 
 

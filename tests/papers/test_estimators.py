@@ -145,18 +145,30 @@ def test_the_sliding_guide_hides_the_chatter_from_the_motor_and_not_from_the_sca
 def test_what_the_readme_says_of_the_choice(choice):
     errors = {one.title: one.error for one in choice.situations}
     assert all(set(error) == set(NAMES) for error in errors.values())
+    percent = {title: {name: round(100.0 * value) for name, value in error.items()} for title, error in errors.items()}
+    of_load_side = [one["load_side"] for one in percent.values()]
+    within = 1.0  # percent of the force: stick and slip do not round alike on every machine
+    assert (min(of_load_side), max(of_load_side)) == pytest.approx((8, 24), abs=within)
+    feeds, faster, stands = (
+        percent[title] for title in ("feeds, 17 Hz slot", "feeds, 200 Hz slot", "stands, 67 Hz slot")
+    )
+    assert (feeds["blended"], faster["blended"]) == pytest.approx((3, 7), abs=within)
+    assert (stands["blended"], stands["load_side"]) == pytest.approx((17, 9), abs=within)
+    assert (feeds["dob"], faster["dob"]) == pytest.approx((5, 34), abs=within)
     for title, error in errors.items():
-        assert error["load_side"] < 0.25, title  # never far off, with 7 % too little stiffness
         if "chatter" in title:
             assert error["load_side"] < 1.1 * min(error.values())
-            assert min(error["medob"], error["dob"], error["thrust"]) > 1.0
+            assert min(error["medob"], error["dob"], error["kalman"], error["thrust"]) > 1.0
         if title.startswith("feeds"):
             assert error["blended"] == min(error.values())
-            assert error["blended"] < 0.08
-        if title.startswith("stands"):
-            assert error["load_side"] < 0.2 * error["medob"]
-    assert errors["feeds, 17 Hz slot"]["dob"] < 0.06
-    assert errors["feeds, 200 Hz slot"]["dob"] > 0.3
+
+
+def test_what_the_readme_says_of_the_rows(study):
+    table = as_table(study.rows)
+    readme = (pathlib.Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    said_there = f"{table['agree']} of {table['total']} agree, each of the others says why"
+    assert said_there in readme
+    assert f"{table['unprinted_hold']} more" in readme
 
 
 def test_the_optimal_weight_is_never_worse_and_better_where_errors_trade(choice):
