@@ -69,8 +69,8 @@ def resolution_figure(study: Estimators) -> Figure:
     panels[0].set_ylabel("standard deviation of the error (N)")
     _counts_of_drives(panels[0])
     said_there(
-        panels[0], "Counts of the motor encoder", "machine A: predicted (lines), simulated (dots); Fig. 4-7: bars, MEDOB\n"
-        "with the filters of the thesis; diamonds: the same simulated",
+        panels[0], "Counts of the motor encoder", "machine A: predicted (lines), simulated (dots); Fig. 4-7: bars,\n"
+        "MEDOB with the filters of the thesis; diamonds: the same simulated",
     )  # fmt: skip
     said_there(panels[1], "Counts of the linear scale", "the same; a count of the scale weighs\nalike in all three")
     for name, (at, level) in {"medob": (9.0, 2.3), "vibration": (9.0, 0.21), "load_side": (12.0, 0.016)}.items():
