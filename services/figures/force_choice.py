@@ -20,6 +20,7 @@ GOOD = LinearSegmentedColormap.from_list("good", ["#0b63a5", "#a9cbdf", "#f3f5f6
 """Blue: the error is small against the force; vermilion: larger than it. Okabe and Ito, so all can tell them apart."""
 _NEEDS = {
     "load_side": "scale and motor encoder",
+    "standing": "both; stands, force above 100 Hz",
     "blended": "both and current; idling run",
     "optimal": "both and current; what is uncertain",
     "vibration": "both and current",
@@ -33,7 +34,7 @@ _NEEDS = {
 @styled
 def which_figure(choice: Choice) -> Figure:
     """Draw the error of every estimator in every situation."""
-    figure = new_figure(10.4, 5.0)
+    figure = new_figure(10.4, 5.4)
     axes = figure.subplots()
     scale = Normalize(math.log10(0.04), math.log10(4.0))
     for column, situation in enumerate(choice.situations):

@@ -122,7 +122,7 @@ def test_a_table_is_json_and_counts_itself(rows):
     table = json.loads(json.dumps(as_table(rows), allow_nan=False))
     assert table["total"] == len(table["rows"]) == len(rows)
     assert table["agree"] == sum(row.agrees for row in rows)
-    keys = {"source", "quantity", "printed", "computed", "unit", "agrees", "why", "doubts"}
+    keys = {"source", "quantity", "printed", "computed", "unit", "agrees", "why", "doubts", "expected"}
     assert all(set(row) == keys for row in table["rows"])
 
 

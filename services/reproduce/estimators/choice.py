@@ -23,7 +23,7 @@ from services.reproduce.estimators.guide import CHATTER_HZ, GROWN_S, turret_bloc
 from services.reproduce.estimators.kit import believed, drive_of, loop_of
 from turning_sim import AxisBlock, Milling, ServoAxis, thesis_condition
 
-NAMES = ("load_side", "blended", "optimal", "vibration", "medob", "kalman", "dob", "thrust")
+NAMES = ("load_side", "standing", "blended", "optimal", "vibration", "medob", "kalman", "dob", "thrust")
 WRONG = {"stage_mass": 1.03, "rotor_inertia": 1.02, "screw_stiffness": 0.93}
 UNKNOWN = {"stage_mass": 0.03, "rotor_inertia": 0.02, "screw_stiffness": 0.07, "thrust": 0.02}
 FRICTION_LEFT = 0.1
