@@ -5,8 +5,16 @@ from math import isfinite
 from typing import Literal
 
 State = Literal["learning", "idle", "quiet", "suspect", "chatter", "gap", "invalid"]
-LimitSource = Literal["none", "air", "configured", "cutting", "reference", "spectrum"]
-Kind = Literal["regenerative", "forced"]
+LimitSource = Literal["none", "air", "floor", "configured", "cutting", "reference", "spectrum"]
+Kind = Literal["regenerative", "forced", "background", "encoder"]
+Note = Literal[
+    "speed_unknown", "speed_contradicted", "cut_unknown", "cut_inferred", "clipped", "constant", "repeated",
+    "duplicated",
+]  # fmt: skip
+
+STEP_DB = 3.0
+"""What one step of `sensitivity` takes off every limit (dB)."""
+MOST_STEPS = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,17 +39,21 @@ class MonitorConfig:
         Time constant with which learned levels follow slow changes (s).
     false_alarm_interval : float
         Mean time between two excursions of one indicator over its limit in stationary Gaussian noise (s).
+    sensitivity : float
+        Steps of 3 dB by which every limit is lowered (above 0) or raised (below 0), -3...3; 0 is the default setting.
     hysteresis : float
         Fraction of a limit (amplitude) below which an alarm ends.
     confirm : int
-        Consecutive agreeing frequency estimates before an alarm is given.
+        Consecutive blocks in which a line must be seen to grow before an alarm is given.
     expected_limit : float or None
         Line amplitude, root sum of squares over the channels, at which vibration matters (unit of the signal);
-        the least limit in the cut until quiet cutting has been learned. A belief: +-30 % does no harm.
+        the least limit in the cut. A belief: +-30 % does no harm. None: the noise of the cut alone sets the limit.
     tools : int
         Cutting edges that pass per revolution.
     speed_uncertainty : float
         Relative uncertainty of the spindle speed.
+    hum_hz : float or None
+        Mains frequency whose multiples are in the signal at all times (Hz).
     dominance : float or None
         For a wide band: least part of the energy of all lines that the strongest must hold, and hold for three
         windows, to be called chatter, whatever the limits say. None: the band is the neighbourhood of one mode.
@@ -55,11 +67,13 @@ class MonitorConfig:
     cutting_time: float = 1.0
     memory_time: float = 10.0
     false_alarm_interval: float = 3.6e5
+    sensitivity: float = 0.0
     hysteresis: float = 0.7
-    confirm: int = 2
+    confirm: int = 3
     expected_limit: float | None = None
     tools: int = 1
     speed_uncertainty: float = 0.002
+    hum_hz: float | None = None
     dominance: float | None = None
 
     def __post_init__(self) -> None:
@@ -71,12 +85,16 @@ class MonitorConfig:
             value = getattr(self, name)
             if not (isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be positive, got {value}")
+        if not abs(self.sensitivity) <= MOST_STEPS:
+            raise ValueError(f"sensitivity must be in [-3, 3], got {self.sensitivity}")
         if not 0.0 < self.hysteresis <= 1.0:
             raise ValueError(f"hysteresis must be in (0, 1], got {self.hysteresis}")
         if self.confirm < 1:
             raise ValueError(f"confirm must be at least 1, got {self.confirm}")
-        if self.expected_limit is not None and not (isfinite(self.expected_limit) and self.expected_limit > 0.0):
-            raise ValueError(f"expected_limit must be positive or None, got {self.expected_limit}")
+        for name in ("expected_limit", "hum_hz"):
+            value = getattr(self, name)
+            if value is not None and not (isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be positive or None, got {value}")
         if self.tools < 1:
             raise ValueError(f"tools must be at least 1, got {self.tools}")
         if not 0.0 <= self.speed_uncertainty < 0.5:
@@ -90,6 +108,49 @@ class MonitorConfig:
             )
         if (high - low) * self.window < 4.0:
             raise ValueError(f"band_hz must be at least 4 / window wide ({4.0 / self.window} Hz), got {self.band_hz}")
+
+    @property
+    def limit_factor(self) -> float:
+        """Factor that the sensitivity puts on every limit of power."""
+        return 10.0 ** (-0.1 * STEP_DB * self.sensitivity)
+
+    @property
+    def line_probability(self) -> float:
+        """Probability that stationary Gaussian noise takes a bin over its limit in one window, at sensitivity 0."""
+        low, high = self.band_hz
+        return min(1.0 / ((high - low) * self.false_alarm_interval), 0.1)
+
+    @property
+    def false_alarms_per_hour(self) -> float:
+        """Rate at which stationary Gaussian noise takes a line over its learned limit (1/h); an alarm needs more.
+
+        The power of a bin is exponential: a limit lower by a factor is passed with its probability to that power.
+        """
+        low, high = self.band_hz
+        return 3600.0 * (high - low) * self.line_probability**self.limit_factor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChatterLine:
+    """One line of the present spectrum.
+
+    Parameters
+    ----------
+    frequency_hz : float
+        Refined frequency (Hz).
+    amplitude : float
+        Amplitude at the end of the block, root sum of squares over the channels.
+    growth : float
+        Growth rate (1/s).
+    kind : str
+        ``regenerative``; ``forced`` a harmonic of spindle or tools, folded at half the sampling rate or not;
+        ``background`` there in air already, or mains hum; ``encoder`` an error of the encoder of a moving axis.
+    """
+
+    frequency_hz: float
+    amplitude: float
+    growth: float
+    kind: Kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,14 +166,15 @@ class ChatterEstimate:
     state : str
         ``learning`` no limit yet; ``idle`` out of the cut; ``quiet``; ``suspect`` one indicator alone, or both and
         not confirmed; ``chatter``; ``gap`` samples were lost just before, windows start anew; ``invalid`` the block
-        holds a value that is not finite, windows start anew.
+        cannot be judged (not finite, or the sensor stands still in the cut), windows start anew.
     indicator, limit : float
         Root mean square of the signal in the band over the window, over all channels, and its limit (0: none yet).
     line, line_limit : float
         Amplitude of the strongest line in the spectrum of the window, and its limit at that frequency (0: none yet).
     limit_source : str
-        Where the limits in force come from: ``air``, ``configured`` or ``cutting``; ``reference`` signal known or
-        assumed to hold no chatter; ``spectrum`` the lines that stand out of the present spectrum.
+        Where the limits in force come from: ``air``; ``floor`` the noise of the present cut; ``configured``;
+        ``cutting``; ``reference`` signal known or assumed to hold no chatter; ``spectrum`` the lines that stand out of
+        the present spectrum.
     raised : bool
         Both indicators are over their limits.
     share : float
@@ -124,11 +186,21 @@ class ChatterEstimate:
     growth : float
         Its growth rate (1/s); 0 without a frequency.
     kind : str or None
-        ``forced`` when the line is a harmonic of the spindle, ``regenerative`` otherwise; None without a frequency.
+        Its kind, as in `ChatterLine`; None without a frequency.
     confidence : float
-        Share of the signal near the line that steady, growing or decaying lines explain, 0...1; 0 without a frequency.
+        How sure the verdict is, 0...1; see `chatter.confidence`.
     span : float
         Length of signal that the frequency was taken from (s); 0 without a frequency.
+    lines : tuple of ChatterLine
+        The lines near their limits, the strongest first; empty when nothing stands out.
+    cutting : bool or None
+        Whether the tools cut, as told or as inferred from the signal; None when nobody knows.
+    comb_hz : float or None
+        Fundamental of the harmonics in the signal (Hz) when they contradict the stated spindle speed.
+    notes : tuple of str
+        What a reader should know: ``speed_unknown``; ``speed_contradicted`` the signal has a comb that the stated
+        speed does not explain; ``cut_unknown``, ``cut_inferred`` from the signal; ``clipped``; ``constant`` the sensor
+        stands still; ``repeated`` the block is the one before once more; ``duplicated`` every value comes twice.
     gap : int
         Samples lost since the block before.
     late : int
@@ -153,6 +225,10 @@ class ChatterEstimate:
     kind: Kind | None = None
     confidence: float = 0.0
     span: float = 0.0
+    lines: tuple[ChatterLine, ...] = ()
+    cutting: bool | None = None
+    comb_hz: float | None = None
+    notes: tuple[Note, ...] = ()
     gap: int = 0
     late: int = 0
     moving: bool = False

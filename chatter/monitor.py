@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from chatter.blocks import as_block, positive_integer
+from chatter.context import Context
 from chatter.detector import Detector
-from chatter.estimate import ChatterEstimate, MonitorConfig
+from chatter.estimate import ChatterEstimate, MonitorConfig, Note
 from chatter.filters import BiquadFilter, butterworth, response
+from chatter.line_kinds import Scene
 from chatter.moving_variance import MovingVariance
 from chatter.sliding_dft import SlidingDFT
 from chatter.spectrum import hann_power
+from chatter.wide_detector import WideDetector
 
 __all__ = ["ChatterEstimate", "ChatterMonitor", "MonitorConfig", "MonitorState"]
 
@@ -34,8 +37,6 @@ class MonitorState:
     pending: Floats
     lost: int
     late: int
-    filled: int
-    ring: Floats
     parts: tuple[Any, ...]
 
 
@@ -77,9 +78,11 @@ class ChatterMonitor:
         self._dft = SlidingDFT(np.minimum(around, 0.5 * self.sample_rate_hz), self._window, self.sample_rate_hz,
                                self.channels)  # fmt: skip
         self._variance = MovingVariance(self._window, self.channels)
-        self._detector = Detector(config, self._frequencies_hz, 2.0 * (high - low) * config.window, self.sample_rate_hz)
-        self._depth = self.block * ceil(config.refine_window * self.sample_rate_hz / self.block)
-        self._ring = np.zeros((2 * self._depth, self.channels))
+        judge = Detector if config.dominance is None else WideDetector
+        self._detector = judge(
+            config, self._frequencies_hz, 2.0 * (high - low) * config.window, self.sample_rate_hz, self.channels
+        )
+        self._context = Context(config, self.sample_rate_hz, self.channels)
         self.reset()
 
     def reset(self) -> None:
@@ -89,13 +92,14 @@ class ChatterMonitor:
         self._lost = self._late = 0
         self._restart()
         self._detector.reset()
+        self._context.reset()
 
     def _restart(self) -> None:
         """Empty the windows; learned limits stay."""
-        self._filled = 0
         for part in (self._filter, self._dft, self._variance):
             part.reset()
         self._detector.restart()
+        self._context.restart()
 
     def prepare(self) -> None:
         """Compile every kernel; the state stays as it is."""
@@ -156,6 +160,7 @@ class ChatterMonitor:
         in_cut: bool | None = None,
         spindle_hz: float | None = None,
         moving: bool = False,
+        encoder_hz: tuple[float, ...] = (),
     ) -> list[ChatterEstimate]:
         """Take samples and return the estimate of every block of the grid that they complete.
 
@@ -171,6 +176,9 @@ class ChatterMonitor:
             Spindle speed, when known (Hz).
         moving : bool
             Whether a turret moves.
+        encoder_hz : tuple of float
+            Signal periods per second of every encoder of a moving axis (Hz), always in the same order: its errors
+            make lines there and at multiples.
         """
         samples = as_block(block, self.channels)
         if first_sample < 0:
@@ -183,12 +191,9 @@ class ChatterMonitor:
         whole = len(data) // self.block
         self._pending = data[whole * self.block :].copy()
         self._next += len(samples)
-        return [
-            self._estimate(
-                data[i * self.block : (i + 1) * self.block], first + i * self.block, in_cut, spindle_hz, moving
-            )
-            for i in range(whole)
-        ]
+        told = Scene(in_cut=in_cut, spindle_hz=spindle_hz, moving=bool(moving), encoder_hz=tuple(encoder_hz))
+        size = self.block
+        return [self._estimate(data[i * size : (i + 1) * size], first + i * size, told) for i in range(whole)]
 
     def _join(self, samples: Floats, first_sample: int) -> Floats:
         """Return the samples that continue the stream on the grid, after noting what is lost or late."""
@@ -212,41 +217,40 @@ class ChatterMonitor:
             return samples[:0]
         return samples[start - first_sample :]
 
-    def _estimate(
-        self, block: Floats, first: int, in_cut: bool | None, spindle_hz: float | None, moving: bool
-    ) -> ChatterEstimate:
+    def _estimate(self, block: Floats, first: int, told: Scene) -> ChatterEstimate:
         gap, late, self._lost, self._late = self._lost, self._late, 0, 0
         common: dict[str, Any] = {
             "first_sample": first,
             "samples": len(block),
             "gap": gap,
             "late": late,
-            "moving": bool(moving),
+            "moving": told.moving,
         }
-        if not np.abs(block).max() <= IMPLAUSIBLE:
-            self._restart()
-            return ChatterEstimate(**common, state="invalid")
-        band, power, square = self._analyse(block)
-        fields = self._detector.step(
-            power, square, self._remember(band), in_cut=in_cut, spindle_hz=spindle_hz, moving=moving
-        )
-        if gap:
-            fields["state"] = "gap"
+        fields = self._fields(block, told)
+        if gap and fields["state"] != "invalid":
+            fields |= {"state": "gap", "confidence": 0.0}
         return ChatterEstimate(**common, **fields)
+
+    def _fields(self, block: Floats, told: Scene) -> dict[str, Any]:
+        """Return the fields of the estimate that follow from the samples."""
+        usable, wrong = False, ()
+        if np.abs(block).max() <= IMPLAUSIBLE:
+            usable, wrong = self._context.examine(block, told.in_cut)
+        if not usable:
+            self._restart()
+            return {"state": "invalid", "cutting": told.in_cut, "notes": wrong}
+        band, power, square = self._analyse(block)
+        if self.config.dominance is not None:
+            return self._detector.step(band, power, square, told)
+        scene, notes, comb_hz = self._context.complete(block, power, told)
+        fields = self._detector.step(band, power, square, scene)
+        return {**fields, "cutting": scene.in_cut, "comb_hz": comb_hz, "notes": (*notes, *wrong)}
 
     def _analyse(self, block: Floats) -> tuple[Floats, Floats, float]:
         """Return the band-passed block, the squared line amplitude of every bin and the mean square of the window."""
         band = self._filter.update(block)
         power = hann_power(self._dft.update(band), self._window) * self._inverse_gain
         return band, power, float(self._variance.update(band)[-1].sum())
-
-    def _remember(self, band: Floats) -> Floats:
-        """Write a block into the ring and return everything since the windows were emptied, at most its depth."""
-        end = self._filled % self._depth + len(band)
-        self._ring[end - len(band) : end] = band
-        self._ring[end - len(band) + self._depth : end + self._depth] = band
-        self._filled += len(band)
-        return self._ring[end + self._depth - min(self._filled, self._depth) : end + self._depth]
 
     def snapshot(self) -> MonitorState:
         """Return a copy of the whole state."""
@@ -255,9 +259,7 @@ class ChatterMonitor:
             pending=self._pending.copy(),
             lost=self._lost,
             late=self._late,
-            filled=self._filled,
-            ring=self._ring.copy(),
-            parts=tuple(p.snapshot() for p in (self._filter, self._dft, self._variance, self._detector)),
+            parts=tuple(part.snapshot() for part in self._parts),
         )
 
     def restore(self, state: MonitorState) -> None:
@@ -268,10 +270,11 @@ class ChatterMonitor:
         state : MonitorState
             What `snapshot` of a monitor with the same parameters returned.
         """
-        if state.ring.shape != self._ring.shape:
-            raise ValueError(f"state must be of shape {self._ring.shape}, got {state.ring.shape}")
         self._next = None if state.next_sample < 0 else state.next_sample
-        self._pending, self._ring[:] = state.pending.copy(), state.ring
-        self._lost, self._late, self._filled = state.lost, state.late, state.filled
-        for part, saved in zip((self._filter, self._dft, self._variance, self._detector), state.parts, strict=True):
+        self._pending, self._lost, self._late = state.pending.copy(), state.lost, state.late
+        for part, saved in zip(self._parts, state.parts, strict=True):
             part.restore(deepcopy(saved))
+
+    @property
+    def _parts(self) -> tuple[Any, ...]:
+        return self._filter, self._dft, self._variance, self._context, self._detector

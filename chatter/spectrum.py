@@ -1,6 +1,7 @@
 """Lines between the bins: their frequency, amplitude and growth from the last stretch of a signal."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +76,7 @@ def baseband(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_
         Sampling rate (Hz).
     """
     step = max(int(sample_rate_hz / (OVERSAMPLING * half_band_hz)), 1)
-    kernel = _kernel(step)
+    kernel = smoothing(step)
     count = max((len(signal) - len(kernel)) // step + 1, 0)
     used = signal[len(signal) - len(kernel) - (count - 1) * step :] if count else signal[:0]
     turn = np.exp((-2j * np.pi * centre_hz / sample_rate_hz) * np.arange(1 - len(used), 1))
@@ -84,7 +85,15 @@ def baseband(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_
     return np.asarray(pieces @ kernel if count else mixed, dtype=np.complex128), sample_rate_hz / step
 
 
-def _kernel(step: int) -> Floats:
+@lru_cache(maxsize=16)
+def smoothing(step: int) -> Floats:
+    """Return the kernel of the baseband, a squared sine, shape (TAPS step + 1,).
+
+    Parameters
+    ----------
+    step : int
+        Samples of the signal for one of the baseband.
+    """
     length = TAPS * step + 1
     kernel = np.sin(np.pi * np.arange(1, length + 1) / (length + 1)) ** 2
     return kernel / kernel.sum()
@@ -92,16 +101,13 @@ def _kernel(step: int) -> Floats:
 
 def _kernel_gain(step: int, offset_hz: Floats, sample_rate_hz: float) -> Floats:
     """Return the gain of the kernel at distances (Hz) from the centre."""
-    kernel = _kernel(step)
+    kernel = smoothing(step)
     half = np.arange(len(kernel)) - 0.5 * (len(kernel) - 1)
     return np.cos(2.0 * np.pi / sample_rate_hz * np.outer(offset_hz, half)) @ kernel
 
 
 def pencil(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_hz: float, order: int = 4) -> list[Line]:
-    """Return the lines near a frequency, strongest at the end first, by the matrix pencil of all channels together.
-
-    Growing and decaying lines are fitted as such, and lines closer than the inverse of the stretch are told apart;
-    Hua and Sarkar, IEEE Trans. ASSP 38 (1990) 814, with a truncated singular value decomposition.
+    """Return the lines near a frequency, strongest at the end first; `fit` of the baseband of a stretch.
 
     Parameters
     ----------
@@ -117,41 +123,72 @@ def pencil(signal: Floats, centre_hz: float, half_band_hz: float, sample_rate_hz
         Lines to fit.
     """
     slow, rate = baseband(signal, centre_hz, half_band_hz, sample_rate_hz)
+    step = round(sample_rate_hz / rate)
+    return [
+        replace(line, frequency_hz=centre_hz + line.frequency_hz, span=len(signal) / sample_rate_hz)
+        for line in fit(slow, rate, step, order)
+        if abs(line.frequency_hz) <= half_band_hz
+    ]
+
+
+def fit(slow: Complexes, rate: float, step: int, order: int = 4) -> list[Line]:
+    """Return the lines of a baseband, strongest at the end first, by the matrix pencil of all channels together.
+
+    Growing and decaying lines are fitted as such, and lines closer than the inverse of the stretch are told apart;
+    Hua and Sarkar, IEEE Trans. ASSP 38 (1990) 814, with a truncated singular value decomposition. Frequencies count
+    from the centre of the baseband, the span is that of the slow samples.
+
+    Parameters
+    ----------
+    slow : ndarray, shape (m, channels)
+        Samples of the baseband, the newest last.
+    rate : float
+        Their rate (Hz).
+    step : int
+        Samples of the signal for one of them.
+    order : int
+        Lines to fit.
+    """
     energy = float((slow.real**2 + slow.imag**2).sum())
     count = len(slow)
     if count < 3 * order or energy < np.finfo(np.float64).tiny / np.finfo(np.float64).eps:
         return []
     slow = slow / np.sqrt(energy)
-    shifts = count // 2
-    rows = np.concatenate(
-        [np.lib.stride_tricks.sliding_window_view(slow[:, k], shifts + 1) for k in range(slow.shape[1])]
-    )
-    basis = np.linalg.svd(rows, full_matrices=False)[2][:order].T
-    poles = np.linalg.eigvals(np.linalg.lstsq(basis[:-1], basis[1:], rcond=None)[0])
-    size = np.abs(poles)
-    bound = np.exp(8.0 / count)  # beyond e^8 over the stretch a pole is a click, not a line
-    poles = poles / np.maximum(size, np.finfo(np.float64).tiny) * np.clip(size, 1.0 / bound, bound)
+    poles = _poles(slow, order)
     powers = poles[None, :] ** np.arange(1 - count, 1)[:, None]
     weights = np.linalg.lstsq(powers, slow, rcond=1e-9)[0]
     residual = slow - powers @ weights
-    explained = float(np.clip(1.0 - (residual.real**2 + residual.imag**2).sum(), 0.0, 1.0))
+    explained = min(max(1.0 - float((residual.real**2 + residual.imag**2).sum()), 0.0), 1.0)
     offset = np.asarray(np.angle(poles) * rate / (2.0 * np.pi), dtype=np.float64)
-    gain = np.maximum(_kernel_gain(round(sample_rate_hz / rate), offset, sample_rate_hz), 0.05)
+    gain = np.maximum(_kernel_gain(step, offset, rate * step), 0.05)
     amplitude = 2.0 * np.sqrt(energy * (weights.real**2 + weights.imag**2).sum(axis=1)) / gain
     growth = np.log(np.abs(poles)) * rate
-    order_of_strength = np.argsort(-amplitude)
-    span = len(signal) / sample_rate_hz
     return [
         Line(
-            frequency_hz=float(centre_hz + offset[i]),
+            frequency_hz=float(offset[i]),
             amplitude=float(amplitude[i]),
             growth=float(growth[i]),
             explained=explained,
-            span=span,
+            span=count / rate,
         )
-        for i in order_of_strength
-        if abs(offset[i]) <= half_band_hz
+        for i in np.argsort(-amplitude)
     ]
+
+
+def _poles(slow: Complexes, order: int) -> Complexes:
+    """Return the poles of the signal, each within e^8 over the stretch: what is beyond is a click, not a line."""
+    count = len(slow)
+    width = count // 2 + 1
+    places = np.arange(count - width + 1)[:, None] + np.arange(width)
+    rows = slow[places].transpose(2, 0, 1).reshape(-1, width)
+    basis = np.linalg.svd(rows, full_matrices=False)[2][:order].T
+    last = basis[-1].conj()
+    inner = basis[:-1].conj().T @ basis[1:]  # the columns are orthonormal: what is left out is one row
+    turn = inner + np.outer(last, basis[-1] @ inner) / max(1.0 - float((last.real**2 + last.imag**2).sum()), 1e-12)
+    poles = np.linalg.eigvals(turn)
+    size = np.abs(poles)
+    bound = np.exp(8.0 / count)
+    return poles / np.maximum(size, np.finfo(np.float64).tiny) * np.clip(size, 1.0 / bound, bound)
 
 
 def interpolated(signal: Floats, start_hz: float, sample_rate_hz: float, rounds: int = 3) -> tuple[float, float] | None:

@@ -109,8 +109,8 @@ class MonitorNode:
     @staticmethod
     def _levels(state: MonitorState) -> dict[str, LearnedLevel]:
         """Return the learned levels inside a copy of the state; they may be changed there."""
-        memory = state.parts[-1][0]
-        return {"air": memory.air, "cut": memory.cut}
+        limits = state.parts[-1][0]
+        return {"air": limits.air, "cut": limits.cut}
 
     def _force(self, block: SampleBlock) -> np.ndarray:
         """Estimate the force; what cannot be estimated is NaN, and the observer starts anew behind it."""

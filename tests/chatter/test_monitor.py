@@ -35,12 +35,20 @@ def chattering(seed=0, lines=((651.0, 30.0),), seconds=1.6, first=0.15):
 
 def agree(one, other):
     for a, b in zip(one, other, strict=True):
-        for name, value in dataclasses.asdict(a).items():
-            second = getattr(b, name)
-            if isinstance(value, float):
-                assert second == pytest.approx(value, rel=1e-11, abs=1e-11), name
-            else:
-                assert second == value, name
+        same(dataclasses.asdict(a), dataclasses.asdict(b))
+
+
+def same(one, other, name=""):
+    if isinstance(one, dict):
+        for key, value in one.items():
+            same(value, other[key], key)
+    elif isinstance(one, tuple):
+        for a, b in zip(one, other, strict=True):
+            same(a, b, name)
+    elif isinstance(one, float):
+        assert other == pytest.approx(one, rel=1e-11, abs=1e-11), name
+    else:
+        assert other == one, name
 
 
 WHOLE = chattering(seconds=1.3)

@@ -1,0 +1,154 @@
+"""When an alarm is raised and when it ends, in a narrow band."""
+
+from collections import deque
+from copy import deepcopy
+from dataclasses import dataclass, field
+from math import ceil
+from typing import Any
+
+from chatter.estimate import MonitorConfig
+from chatter.line_set import COHERENT
+
+SLOWEST, FASTEST = 5.0, 90.0
+"""Growth rates of an onset (1/s): a stable cut falls back at 5 1/s or faster, a blow rises within less than 10 ms."""
+BEGUN = 0.5
+"""Amplitude over its limit from which the growth of a line counts: twice as much has to grow yet."""
+CLEAR = 0.7
+"""Share of the signal that lines must explain while they are seen to grow."""
+SAME = 2
+"""Blocks in a row in which the main line must be found at the same frequency: what rings after a blow wanders."""
+JUMP = 4.0
+"""Amplitude over that of the block before that no growth explains, two lines that beat included: a blow."""
+STANDING = 0.2
+"""Time for which a vibration must stand over both limits to count without having been seen to grow (s)."""
+LASTING = 0.5
+"""Mean square over that at the start of this time: what falls at 5 1/s or faster keeps less than a seventh."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """What one block says.
+
+    Parameters
+    ----------
+    fresh : float
+        Squared amplitude in the last 20 ms over the limits of both indicators, whichever is nearer to it.
+    square : float
+        Mean square of the band over the window.
+    both : bool
+        Both indicators of the window are over their limits.
+    regenerative : bool
+        The main line is regenerative.
+    explained : float
+        Share of the signal that lines explain, 0...1.
+    growth : float
+        Growth rate of the regenerative lines (1/s).
+    seen : int
+        Blocks in a row in which the main line was found at the same frequency.
+    """
+
+    fresh: float = 0.0
+    square: float = 0.0
+    both: bool = False
+    regenerative: bool = False
+    explained: float = 0.0
+    growth: float = 0.0
+    seen: int = 0
+
+
+@dataclass(slots=True, kw_only=True)
+class _Memory:
+    on: bool = False
+    fresh: float = 0.0
+    grown: int = 0
+    over: bool = False
+    stood: int = 0
+    lowered: int = 0
+    resumes: bool = False
+    squares: deque[float] = field(default_factory=deque[float])
+
+
+class Alarm:
+    """Raised by lines that are seen to grow over their limit, or by a vibration that stands over both limits.
+
+    Parameters
+    ----------
+    config : MonitorConfig
+        Parameters.
+    """
+
+    def __init__(self, config: MonitorConfig) -> None:
+        self._confirm = config.confirm
+        self._window_blocks = ceil(config.window / config.block - 1e-9)
+        self._standing = max(ceil(STANDING / config.block - 1e-9), self._window_blocks)
+        self._memory = _Memory()
+
+    @property
+    def on(self) -> bool:
+        """Whether it chatters."""
+        return self._memory.on
+
+    @property
+    def begins(self) -> bool:
+        """Whether lines are seen to grow towards their limit."""
+        return self._memory.grown > 0
+
+    @property
+    def warns(self) -> bool:
+        """Whether lines that grow have reached their limit."""
+        return self._memory.over
+
+    def restart(self) -> None:
+        """Forget everything but that there was an alarm: chatter seen again after a gap needs less time."""
+        self._memory = _Memory(resumes=self._memory.on or self._memory.resumes)
+
+    def end(self) -> None:
+        """Forget everything, out of the cut."""
+        self._memory = _Memory()
+
+    def snapshot(self) -> Any:
+        """Return a copy of the whole state."""
+        return deepcopy(self._memory)
+
+    def restore(self, state: Any) -> None:
+        """Continue from a copy of the state.
+
+        Parameters
+        ----------
+        state : object
+            What `snapshot` returned.
+        """
+        self._memory = deepcopy(state)
+
+    def step(self, seen: Evidence) -> bool:
+        """Take the evidence of a block and return whether the alarm has just been raised.
+
+        Parameters
+        ----------
+        seen : Evidence
+            What the block says.
+        """
+        memory = self._memory
+        memory.squares.append(seen.square)
+        if len(memory.squares) > self._standing + 1:
+            memory.squares.popleft()
+        blow = seen.fresh > JUMP**2 * max(memory.fresh, BEGUN**2)
+        growing = SLOWEST <= seen.growth <= FASTEST and seen.explained >= CLEAR and seen.fresh >= BEGUN**2 and not blow
+        memory.grown, memory.fresh = memory.grown + 1 if growing else 0, seen.fresh
+        memory.over = growing and seen.fresh >= 1.0
+        coherent = seen.regenerative and seen.explained >= COHERENT
+        memory.stood = memory.stood + 1 if seen.both and coherent else 0
+        memory.lowered = 0 if seen.both or growing else memory.lowered + 1
+        if memory.on:
+            memory.on = memory.lowered < self._window_blocks
+            return False
+        onset = memory.grown >= self._confirm and seen.seen >= SAME and coherent and seen.fresh >= 1.0
+        memory.on = onset or self._stands()
+        memory.resumes = memory.resumes and not memory.on
+        return memory.on
+
+    def _stands(self) -> bool:
+        memory = self._memory
+        blocks = self._window_blocks if memory.resumes else self._standing
+        lasts = len(memory.squares) > blocks and memory.squares[-1] >= LASTING * memory.squares[-1 - blocks]
+        return memory.stood >= blocks and lasts
