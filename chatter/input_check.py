@@ -13,7 +13,7 @@ PATIENCE = 5
 FLAT = 3
 """Equal samples in a row at the end of a range that make a clipped peak ..."""
 STEEP = 0.02
-"""... when the signal came there by a step of more than this part of its range: slow signals rest at their peaks too."""
+"""... when the signal came there by a step of more than this part of its range: slow ones rest at their peaks too."""
 CLIPPED = 2
 """Clipped peaks in so many blocks that tell."""
 ALONE = 0.75

@@ -17,7 +17,7 @@ ENTRY_TURNS = 3.0
 ORDERS = 60
 """Harmonics of the tools that are strong enough to be seen where they fold."""
 ENCODER_ORDERS = 4
-"""Harmonics of an encoder's interpolation error: offset, gain and phase errors make the first two, the wave form more."""
+"""Harmonics of an encoder's interpolation error: offset, gain and phase errors make two, the wave form more."""
 TONE_RISE = 2.0
 """Amplitude over that in air up to which a line is still the tone that was there before the cut."""
 

@@ -1,4 +1,4 @@
-"""The lines of a narrow band from block to block: found together, followed one by one, refined while they stand still."""
+"""The lines of a narrow band from block to block: found together, followed one by one, refined while they stand."""
 
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -208,7 +208,8 @@ class LineSet:
 
     def _track(self, line: Line, alarm: bool) -> Track:
         """Return the track that a line continues, or a new one."""
-        near = [t for t in self._memory.tracks if abs(t.line.frequency_hz - line.frequency_hz) < UNCERTAINTY / line.span]
+        reach = UNCERTAINTY / line.span
+        near = [t for t in self._memory.tracks if abs(t.line.frequency_hz - line.frequency_hz) < reach]
         before = min(near, key=lambda t: abs(t.line.frequency_hz - line.frequency_hz), default=None)
         if before is None:
             return Track(line=line, kind=self._kinds.tell(line))
@@ -223,7 +224,9 @@ class LineSet:
     def _choose(tracks: list[Track], before: Track | None) -> Track:
         """Return the strongest regenerative line, or the main line of the block before if it is nearly as strong."""
         free = [track for track in tracks if track.kind == "regenerative"] or tracks
-        for track in free if before is not None else ():
+        if before is None:
+            return free[0]
+        for track in free:
             line = track.line
             same = abs(line.frequency_hz - before.line.frequency_hz) < UNCERTAINTY / line.span
             if same and line.amplitude >= LOYALTY * free[0].line.amplitude:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from chatter.blocks import as_block, positive_integer
 from chatter.context import Context
 from chatter.detector import Detector
-from chatter.estimate import ChatterEstimate, MonitorConfig, Note
+from chatter.estimate import ChatterEstimate, MonitorConfig
 from chatter.filters import BiquadFilter, butterworth, response
 from chatter.line_kinds import Scene
 from chatter.moving_variance import MovingVariance

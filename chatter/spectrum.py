@@ -188,7 +188,8 @@ def _poles(slow: Complexes, order: int) -> Complexes:
     poles = np.linalg.eigvals(turn)
     size = np.abs(poles)
     bound = np.exp(8.0 / count)
-    return poles / np.maximum(size, np.finfo(np.float64).tiny) * np.clip(size, 1.0 / bound, bound)
+    held = poles / np.maximum(size, np.finfo(np.float64).tiny) * np.clip(size, 1.0 / bound, bound)
+    return held.astype(np.complex128)
 
 
 def interpolated(signal: Floats, start_hz: float, sample_rate_hz: float, rounds: int = 3) -> tuple[float, float] | None:
