@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from turning_sim._delay_kernels import muladd
+from turning_sim._intrinsics import borrowed, muladd
 
 POINTS, TERMS = 8, 12
 TRACKED, SMOOTH = 3, 99
@@ -35,11 +35,19 @@ NEAR, DIP = 1e-9, 0.06
 AT = 0.5 - 0.5 * np.cos(np.pi * np.arange(POINTS) / (POINTS - 1))
 FIT = np.ascontiguousarray(np.linalg.inv(np.vander(AT, POINTS, increasing=True)).T)
 FACTORIAL = np.array([math.factorial(k) for k in range(TERMS)], dtype=np.float64)
+INVERSE = 1.0 / FACTORIAL
 
-START, END, SCALE = 0, 1, 2
-X, V, ONSET = 0, 1, 2
+# columns of a piece: its sample, where it begins and ends in it, one over its planned length, the orders of the kinks
+# at its start in what each tool leaves, and the two polynomials
+NUMBER, START, END, SCALE, KINKS, LEFT = 0, 1, 2, 3, 4, 6
+COLUMNS = LEFT + 2 * TERMS
+# parts of the work array, and of the counts
+X, V, P, MET = 0, TERMS, 2 * TERMS, 3 * TERMS
+SEEN, PLACES, HERE = 5 * TERMS, 5 * TERMS + 2 * POINTS, 5 * TERMS + 3 * POINTS
+WORK = HERE + POINTS
 SAMPLE, PIECES, FLANK, LOSSES = 0, 1, 2, 3
-TOUCHES, SEEN, NEXT, BEGAN = 4, 6, 8, 10
+TOUCHES, READ, NEXT, BEGAN, FOUND = 4, 6, 8, 10, 12
+COUNTS = 14
 
 
 class Status(IntEnum):
@@ -67,117 +75,104 @@ class Cut(NamedTuple):
     push: float
 
 
-@njit(cache=True, fastmath=False, forceinline=True)
-def values(p, y, out):
-    """Fill the sums of p[k] y^k at `POINTS` places."""
-    for j in range(POINTS):
-        value = 0.0
-        for k in range(TERMS - 1, -1, -1):
-            value = muladd(value, y[j], p[k])
-        out[j] = value
-
-
-@njit(cache=True, fastmath=False, forceinline=True)
-def surface(left, i, tool, y, out):
-    """Fill what a tool left on piece `i` at `POINTS` places."""
-    for j in range(POINTS):
-        value = 0.0
-        for k in range(TERMS - 1, -1, -1):
-            value = muladd(value, y[j], left[i, tool, k])
-        out[j] = value
-
-
-@njit(cache=True, fastmath=False, forceinline=True)
-def value_of(p, y):
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def value_of(work, p, y):
     """Return the sum of p[k] y^k."""
     value = 0.0
     for k in range(TERMS - 1, -1, -1):
-        value = muladd(value, y, p[k])
+        value = muladd(value, y, work[p + k])
     return value
 
 
-@njit(cache=True, fastmath=False, forceinline=True)
-def next_kink(cut, k, number, span, order, tool, x):
-    """Return where in this sample, after x, a tool meets the next kink of the surface (2 if not), and its order."""
-    mask = number.size - 1
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def delayed(cut, tool):
+    """Return whole and part of the delay after which a tool meets the other's surface."""
     tau = cut.tau1 if tool == 0 else cut.tau2
-    whole = int(math.floor(tau))
-    late, z = tau - whole, k[NEXT + tool]
+    whole = math.floor(tau)
+    return whole, tau - whole
+
+
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def next_kink(cut, k, piece, tool, x):
+    """Return where in this sample, after x, a tool meets the next kink of the surface; 2 if not. Note its order."""
+    mask, (whole, late) = piece.shape[0] - 1, delayed(cut, tool)
+    z, at = k[NEXT + tool], 2.0
+    k[FOUND + tool] = SMOOTH
     while z < k[PIECES]:
         i = z & mask
-        ahead = (number[i] + whole - k[SAMPLE]) + (span[i, START] + late)
-        if order[i, 1 - tool] <= TRACKED and ahead > x + NEAR:
-            k[NEXT + tool] = z
-            return (ahead, order[i, 1 - tool]) if ahead < 1.0 - NEAR else (2.0, SMOOTH)
+        if piece[i, KINKS + 1 - tool] <= TRACKED:
+            ahead = (piece[i, NUMBER] + whole - k[SAMPLE]) + (piece[i, START] + late)
+            if ahead > x + NEAR:
+                if ahead < 1.0 - NEAR:
+                    at = ahead
+                    k[FOUND + tool] = int(piece[i, KINKS + 1 - tool])
+                break
         z += 1
     k[NEXT + tool] = z
-    return 2.0, SMOOTH
+    return at
 
 
-@njit(cache=True, fastmath=False, forceinline=True)
-def meet(cut, k, number, span, left, tool, x, length, y, part, meets, met):
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def meet(cut, k, piece, work, tool, x, length):
     """Fill the surface that a tool meets on a piece: at the points, and as a polynomial."""
-    mask = number.size - 1
-    tau = cut.tau1 if tool == 0 else cut.tau2
-    whole = int(math.floor(tau))
-    late, z = tau - whole, k[SEEN + tool]
-    i = z & mask
-    while (number[i] + whole - k[SAMPLE]) + (span[i, END] + late - x) <= 0.0:
+    mask, (whole, late) = piece.shape[0] - 1, delayed(cut, tool)
+    seen, met, left = SEEN + tool * POINTS, MET + tool * TERMS, LEFT + (1 - tool) * TERMS
+    z = k[READ + tool]
+    while (piece[z & mask, NUMBER] + whole - k[SAMPLE]) + (piece[z & mask, END] + late - x) <= 0.0:
         z += 1
+    k[READ + tool] = z
+    reached, latest = 0.0, -1.0
+    while reached < length and z < k[PIECES]:
         i = z & mask
-    k[SEEN + tool] = z
-    first = True
-    while True:
-        begin = (number[i] + whole - k[SAMPLE]) + (span[i, START] + late - x)
+        begin = (piece[i, NUMBER] + whole - k[SAMPLE]) + (piece[i, START] + late - x)
+        scale = piece[i, SCALE]
         for j in range(POINTS):
-            y[j] = (AT[j] * length - begin) * span[i, SCALE]
-        surface(left, i, 1 - tool, y, part)
-        for j in range(POINTS):
-            meets[tool, j] = cut.mu * part[j] if first or y[j] >= 0.0 else meets[tool, j]
-        first = False
-        if (number[i] + whole - k[SAMPLE]) + (span[i, END] + late - x) >= length or z + 1 >= k[PIECES]:
-            break
-        z += 1
-        i = z & mask
+            y = (AT[j] * length - begin) * scale
+            value = 0.0
+            for m in range(TERMS - 1, -1, -1):
+                value = muladd(value, y, piece[i, left + m])
+            work[seen + j] = cut.mu * value if y >= latest else work[seen + j]
+        reached = (piece[i, NUMBER] + whole - k[SAMPLE]) + (piece[i, END] + late - x)
+        z, latest = z + 1, 0.0
     for m in range(POINTS):
         value = 0.0
         for j in range(POINTS):
-            value = muladd(FIT[j, m], meets[tool, j], value)
-        met[tool, m] = value
+            value = muladd(FIT[j, m], work[seen + j], value)
+        work[met + m] = value
 
 
-@njit(cache=True, fastmath=False, forceinline=True)
-def swing(cut, k, f, length, force, ramp, met, x, v):
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def swing(cut, k, f, work, length, force, ramp):
     """Fill the polynomials of displacement and slope on a piece, from the equation of its mode of contact."""
-    one, two = k[TOUCHES], k[TOUCHES + 1]
+    one, two = float(k[TOUCHES]), float(k[TOUCHES + 1])
     damping = cut.c + cut.cp * (one + two) + (cut.flank if k[FLANK] != 0 else 0.0)
     stiffness = cut.k + cut.stiffness * (one + two)
     a, b, square = -damping * length, -stiffness * length * length, length * length
     constant = cut.flank * cut.lim * k[FLANK] - cut.stiffness * cut.h0 * (one - two) + force
-    x[0], x[1] = f[X], f[V] * length
+    one, two = cut.stiffness * one, -cut.stiffness * two
+    last, now = f[0], f[1] * length
+    work[X], work[X + 1] = last, now
     for m in range(TERMS - 2):
-        pushed = 0.0
-        if m < POINTS:
-            pushed = cut.stiffness * (one * met[0, m] - two * met[1, m])
+        pushed = one * work[MET + m] + two * work[MET + TERMS + m] if m < POINTS else 0.0
         if m < 2:
             pushed += constant if m == 0 else ramp * length
-        x[m + 2] = muladd(a, x[m + 1], muladd(b, x[m], square * FACTORIAL[m] * pushed))
+        last, now = now, muladd(a, now, muladd(b, last, square * FACTORIAL[m] * pushed))
+        work[X + m + 2] = now
     for m in range(TERMS):
-        x[m] /= FACTORIAL[m]
+        work[X + m] *= INVERSE[m]
     for m in range(TERMS - 1):
-        v[m] = (m + 1) * x[m + 1]
-    v[TERMS - 1] = 0.0
+        work[V + m] = (m + 1) * work[X + m + 1]
 
 
-@njit(cache=True, fastmath=False)
-def crossing(p, low, high, rising):
-    """Return where a polynomial passes 0 between two places that it has on either side of it."""
+@njit(cache=True, fastmath=False, error_model="numpy")
+def crossing(work, low, high, rising):
+    """Return where the polynomial at `P` passes 0 between two places that it has on either side of it."""
     at, sign = 0.5 * (low + high), 1.0 if rising else -1.0
     for _ in range(60):
         value = slope = 0.0
         for k in range(TERMS - 1, -1, -1):
             slope = slope * at + value
-            value = value * at + p[k]
+            value = value * at + work[P + k]
         if sign * value > 0.0:
             high = at
         else:
@@ -191,103 +186,109 @@ def crossing(p, low, high, rising):
     return at
 
 
-@njit(cache=True, fastmath=False, forceinline=True)
-def far(seen, positive):
-    """Return whether values at the points are so far on one side of 0 that no dip between them reaches it."""
-    low = high = seen[1]
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def far(work, sign):
+    """Return whether the values at `HERE` are so far on the side of `sign` that no dip between them reaches 0."""
+    low = high = sign * work[HERE + 1]
     for j in range(2, POINTS):
-        low, high = min(low, seen[j]), max(high, seen[j])
-    margin = DIP * (high - low)
-    return low > margin if positive else high < -margin
+        low, high = min(low, sign * work[HERE + j]), max(high, sign * work[HERE + j])
+    return low > DIP * (high - low)
 
 
-@njit(cache=True, fastmath=False)
-def first_change(p, seen, positive, before):
-    """Return where a quantity that is `positive` stops being so (2 if not before `before`).
+@njit(cache=True, fastmath=False, error_model="numpy")
+def first_change(work, sign, before):
+    """Return where a quantity on the side of `sign` leaves it (2 if not before `before`).
 
-    `seen` are its values at the points, `p` its polynomial; a dip between two points is looked for at its bottom.
+    Its values are at `HERE`, its polynomial at `P`; a dip between two points is looked for at its bottom.
     """
-    sign = 1.0 if positive else -1.0
     for j in range(1, POINTS):
-        low, here = AT[j - 1], sign * seen[j]
+        low, here = AT[j - 1], sign * work[HERE + j]
         if here <= 0.0:
-            return crossing(p, low, AT[j], not positive)
+            return crossing(work, low, AT[j], sign < 0.0)
         if j + 1 < POINTS:
-            last, after = sign * seen[j - 1], sign * seen[j + 1]
+            last, after = sign * work[HERE + j - 1], sign * work[HERE + j + 1]
             if here < last and here < after and here < 0.25 * (last + after - 2.0 * here):
                 one, two = AT[j] - low, AT[j + 1] - AT[j]
                 fall, rise = (last - here) * two, (after - here) * one
                 at = AT[j] + 0.5 * (fall * two - rise * one) / (fall + rise)
-                if sign * value_of(p, at) < 0.0:
-                    return crossing(p, low, at, not positive)
+                if sign * value_of(work, P, at) < 0.0:
+                    return crossing(work, low, at, sign < 0.0)
         if AT[j] > before:
             break
     return 2.0
 
 
-@njit(cache=True, fastmath=False, forceinline=True)
-def look(cut, k, length, x, v, met, meets, y, seen, p):
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def places(work, p, out):
+    """Fill the values of a polynomial at the points."""
+    for j in range(POINTS):
+        value = 0.0
+        for k in range(TERMS - 1, -1, -1):
+            value = muladd(value, AT[j], work[p + k])
+        work[out + j] = value
+
+
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def look(cut, k, work, length):
     """Return where on a piece the mode of contact changes first (2 if not) and what changes.
 
     0, 1: contact of a tool; 2, 3: its flank.
     """
     first, what = 2.0, -1
-    values(x, AT, y)
+    places(work, X, PLACES)
     for tool in range(2):
-        sign = 1.0 if tool == 0 else -1.0
+        way, side = 1.0 if tool == 0 else -1.0, 1.0 if k[TOUCHES + tool] == 1 else -1.0
         for j in range(POINTS):
-            seen[j] = cut.h0 + sign * y[j] - meets[tool, j]
-        if not far(seen, k[TOUCHES + tool] == 1):
+            work[HERE + j] = cut.h0 + way * work[PLACES + j] - work[SEEN + tool * POINTS + j]
+        if not far(work, side):
             for m in range(TERMS):
-                p[m] = sign * x[m] - met[tool, m]
-            p[0] += cut.h0
-            at = first_change(p, seen, k[TOUCHES + tool] == 1, first)
+                work[P + m] = way * work[X + m] - work[MET + tool * TERMS + m]
+            work[P] += cut.h0
+            at = first_change(work, side, first)
             if at < first:
                 first, what = at, tool
     if cut.flank == 0.0:
         return first, what
-    values(v, AT, y)
+    places(work, V, PLACES)
     for tool in range(2):
-        sign = 1.0 if tool == 0 else -1.0
+        way = 1.0 if tool == 0 else -1.0
+        side = 1.0 if k[FLANK] == way else -1.0
         for j in range(POINTS):
-            seen[j] = sign * y[j] - cut.lim * length
-        if k[TOUCHES + tool] == 1 and not far(seen, k[FLANK] == sign):
+            work[HERE + j] = way * work[PLACES + j] - cut.lim * length
+        if k[TOUCHES + tool] == 1 and not far(work, side):
             for m in range(TERMS):
-                p[m] = sign * v[m]
-            p[0] -= cut.lim * length
-            at = first_change(p, seen, k[FLANK] == sign, first)
+                work[P + m] = way * work[V + m]
+            work[P] -= cut.lim * length
+            at = first_change(work, side, first)
             if at < first:
                 first, what = at, 2 + tool
     return first, what
 
 
-@njit(cache=True, fastmath=False, forceinline=True)
-def leave(cut, k, span, number, order, left, x, met, start, end, length):
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def leave(cut, k, piece, work, start, end, length):
     """Append a piece: what each tool leaves."""
-    mask = number.size - 1
-    i = k[PIECES] & mask
-    number[i] = k[SAMPLE]
-    span[i, START], span[i, END], span[i, SCALE] = start, end, 1.0 / length
-    order[i, 0], order[i, 1] = k[BEGAN], k[BEGAN + 1]
+    i = k[PIECES] & (piece.shape[0] - 1)
+    piece[i, NUMBER], piece[i, START], piece[i, END], piece[i, SCALE] = k[SAMPLE], start, end, 1.0 / length
     for tool in range(2):
-        sign = 1.0 if tool == 0 else -1.0
+        piece[i, KINKS + tool] = k[BEGAN + tool]
         if k[TOUCHES + tool] == 1:
             for m in range(TERMS):
-                left[i, tool, m] = sign * x[m]
+                piece[i, LEFT + tool * TERMS + m] = work[X + m] if tool == 0 else -work[X + m]
         else:
             for m in range(TERMS):
-                left[i, tool, m] = met[tool, m]
-            left[i, tool, 0] -= cut.h0
+                piece[i, LEFT + tool * TERMS + m] = work[MET + tool * TERMS + m]
+            piece[i, LEFT + tool * TERMS] -= cut.h0
     k[PIECES] += 1
 
 
-@njit(cache=True, fastmath=False, forceinline=True)
-def change(cut, k, f, what, kinks):
-    """Change the mode of contact and note which kinks the next piece begins with; `kinks` are those that were met."""
+@njit(cache=True, fastmath=False, error_model="numpy", forceinline=True)
+def change(cut, k, f, what):
+    """Change the mode of contact and note which kinks the next piece begins with; those that were met are in `k`."""
     bar = SMOOTH
     for tool in range(2):
-        if k[TOUCHES + tool] == 1 and kinks[tool] != SMOOTH:
-            bar = min(bar, kinks[tool] + 2)
+        if k[TOUCHES + tool] == 1:
+            bar = min(bar, k[FOUND + tool] + 2)
     k[BEGAN] = k[BEGAN + 1] = SMOOTH
     if 0 <= what < 2:
         bar = min(bar, 2)
@@ -295,51 +296,50 @@ def change(cut, k, f, what, kinks):
         k[LOSSES] += k[TOUCHES + what]
         k[TOUCHES + what] = 1 - k[TOUCHES + what]
         k[FLANK] = 0
-        if k[TOUCHES] == 1 and f[V] > cut.lim:
+        if k[TOUCHES] == 1 and f[1] > cut.lim:
             k[FLANK] = 1
-        elif k[TOUCHES + 1] == 1 and -f[V] > cut.lim:
+        elif k[TOUCHES + 1] == 1 and -f[1] > cut.lim:
             k[FLANK] = -1
     elif what >= 2:
         bar = min(bar, 3)
         k[FLANK] = 0 if k[FLANK] != 0 else (1 if what == 2 else -1)
     for tool in range(2):
-        k[BEGAN + tool] = min(k[BEGAN + tool], bar if k[TOUCHES + tool] == 1 else kinks[tool])
+        k[BEGAN + tool] = min(k[BEGAN + tool], bar if k[TOUCHES + tool] == 1 else k[FOUND + tool])
 
 
-@njit(cache=True, fastmath=False)
-def advance(cut, force, number, span, order, left, k, f, out):
+@njit(cache=True, fastmath=False, error_model="numpy")
+def advance(cut, force, piece, k, f, work, out):
     """Advance `out.size` samples and write the displacement at each; `force` has one more, from the last sample on."""
-    x, v, p = np.zeros(TERMS), np.zeros(TERMS), np.zeros(TERMS)
-    met, meets, kinks = np.zeros((2, TERMS)), np.zeros((2, POINTS)), np.zeros(2, np.int64)
-    y, part, seen = np.empty(POINTS), np.empty(POINTS), np.empty(POINTS)
+    piece, k, f, work = borrowed(piece), borrowed(k), borrowed(f), borrowed(work)
     for n in range(out.size):
         at, ramp, tries = 0.0, cut.push * (force[n + 1] - force[n]), 0
         while at < 1.0:
-            kink1, order1 = next_kink(cut, k, number, span, order, 0, at)
-            kink2, order2 = next_kink(cut, k, number, span, order, 1, at)
+            kink1, kink2 = next_kink(cut, k, piece, 0, at), next_kink(cut, k, piece, 1, at)
             end = min(kink1, kink2, 1.0)
-            kinks[0] = order1 if kink1 <= end + NEAR else SMOOTH
-            kinks[1] = order2 if kink2 <= end + NEAR else SMOOTH
+            if kink1 > end + NEAR:
+                k[FOUND] = SMOOTH
+            if kink2 > end + NEAR:
+                k[FOUND + 1] = SMOOTH
             length = end - at
-            meet(cut, k, number, span, left, 0, at, length, y, part, meets, met)
-            meet(cut, k, number, span, left, 1, at, length, y, part, meets, met)
-            swing(cut, k, f, length, cut.push * force[n] + ramp * at, ramp, met, x, v)
-            when, what = look(cut, k, length, x, v, met, meets, y, seen, p)
+            meet(cut, k, piece, work, 0, at, length)
+            meet(cut, k, piece, work, 1, at, length)
+            swing(cut, k, f, work, length, cut.push * force[n] + ramp * at, ramp)
+            when, what = look(cut, k, work, length)
             if what >= 0:
-                kinks[:] = SMOOTH
+                k[FOUND] = k[FOUND + 1] = SMOOTH
                 end = at + when * length
             else:
                 when = 1.0
-            leave(cut, k, span, number, order, left, x, met, at, end, length)
-            f[X], f[V] = value_of(x, when), value_of(v, when) / length
-            change(cut, k, f, what, kinks)
+            leave(cut, k, piece, work, at, end, length)
+            f[0], f[1] = value_of(work, X, when), value_of(work, V, when) / length
+            change(cut, k, f, what)
             at, tries = end, tries + 1
             if tries > 100:
                 return Status.STUCK
-        out[n] = f[X]
+        out[n] = f[0]
         k[SAMPLE] += 1
-        if not abs(f[X]) < 1.0:
+        if not abs(f[0]) < 1.0:
             return Status.DIVERGED
-        if k[PIECES] - min(min(k[SEEN], k[SEEN + 1]), min(k[NEXT], k[NEXT + 1])) > number.size - 128:
+        if k[PIECES] - min(min(k[READ], k[READ + 1]), min(k[NEXT], k[NEXT + 1])) > piece.shape[0] - 128:
             return Status.SURFACE_MEMORY
     return Status.OK

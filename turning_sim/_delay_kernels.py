@@ -22,13 +22,12 @@ derivatives there follow from the equation: `hand_on` adds what the rows miss.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba import config, njit, types
-from numba.core import cgutils
-from numba.extending import intrinsic
+from numba import njit
+
+from turning_sim._intrinsics import muladd
 
 TAPS = 20
 HALF = TAPS // 2
@@ -49,22 +48,6 @@ class Step(NamedTuple):
     tau1: float
     tau2: float
     push: float
-
-
-@intrinsic
-def _muladd(_context, a, b, c):
-    def code(context, builder, signature, args):
-        shape = ir.FunctionType(ir.DoubleType(), [ir.DoubleType()] * 3)
-        return builder.call(cgutils.get_or_insert_function(builder.module, shape, "llvm.fmuladd.f64"), args)
-
-    return types.float64(types.float64, types.float64, types.float64), code
-
-
-def _plain_muladd(a, b, c):
-    return a * b + c
-
-
-muladd: Any = _plain_muladd if config.DISABLE_JIT else _muladd  # pyright: ignore[reportAttributeAccessIssue]
 
 
 @njit(cache=True, fastmath=False)

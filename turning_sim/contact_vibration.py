@@ -108,10 +108,7 @@ class ContactVibration:
         state, moved = self._state, np.empty(samples)
         push = np.concatenate([state["force"], push])
         state["force"] = push[-1:].copy()
-        status = kernels.advance(
-            self._cut, push, state["number"], state["span"], state["order"], state["left"], state["k"], state["f"],
-            moved,
-        )  # fmt: skip
+        status = kernels.advance(self._cut, push, state["piece"], state["k"], state["f"], np.zeros(kernels.WORK), moved)
         self.sample = int(state["k"][kernels.SAMPLE])
         if status != kernels.Status.OK:
             raise SimulationDiverged(sample=self.sample, hint=_HINTS[kernels.Status(status)])
@@ -136,21 +133,19 @@ class ContactVibration:
         require(moved.shape == places.shape, "past", "a function of an array of times", moved.shape)
         most, largest = cut.h0 / (1.0 + abs(cut.mu)), float(np.abs(moved).max())
         require(largest < most, "past", f"below {most:.4g} m, so that both tools are in contact", largest)
-        state = {
-            "number": np.zeros(size, dtype=np.int64), "span": np.zeros((size, 3)),
-            "order": np.full((size, 2), kernels.SMOOTH), "left": np.zeros((size, 2, kernels.TERMS)),
-            "k": np.zeros(12, dtype=np.int64), "f": np.zeros(2), "force": np.zeros(1),
-        }  # fmt: skip
-        state["number"][:count], state["span"][:count] = np.arange(-count, 0), (0.0, 1.0, 1.0)
+        piece, k = np.zeros((size, kernels.COLUMNS)), np.zeros(kernels.COUNTS, dtype=np.int64)
         series = moved @ kernels.FIT
-        state["left"][:count, :, : kernels.POINTS] = series[:, None, :] * np.array([1.0, -1.0])[:, None]
-        slope = float(np.arange(1, kernels.POINTS) @ series[-1, 1:])
-        state["f"][:] = moved[-1, -1], slope + impulse * cut.push * rate
-        state["k"][[kernels.PIECES, kernels.NEXT, kernels.NEXT + 1]] = count
-        state["k"][[kernels.TOUCHES, kernels.TOUCHES + 1]] = 1
-        state["k"][kernels.FLANK] = np.sign(state["f"][kernels.V]) if abs(state["f"][kernels.V]) > cut.lim else 0
-        state["k"][[kernels.BEGAN, kernels.BEGAN + 1]] = 1 if impulse else 2
-        return state
+        piece[:count, kernels.NUMBER], piece[:count, kernels.END] = np.arange(-count, 0), 1.0
+        piece[:count, kernels.SCALE], piece[:count, kernels.KINKS : kernels.LEFT] = 1.0, kernels.SMOOTH
+        for tool, sign in enumerate((1.0, -1.0)):
+            first = kernels.LEFT + tool * kernels.TERMS
+            piece[:count, first : first + kernels.POINTS] = sign * series
+        speed = float(np.arange(1, kernels.POINTS) @ series[-1, 1:]) + impulse * cut.push * rate
+        k[[kernels.PIECES, kernels.NEXT, kernels.NEXT + 1]] = count
+        k[kernels.TOUCHES : kernels.TOUCHES + 2] = 1
+        k[kernels.FLANK] = np.sign(speed) if abs(speed) > cut.lim else 0
+        k[kernels.BEGAN : kernels.BEGAN + 2] = 1 if impulse else 2
+        return {"piece": piece, "k": k, "f": np.array([moved[-1, -1], speed]), "force": np.zeros(1)}
 
 
 _HINTS = {
