@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -247,8 +248,18 @@ def sampled(past: Past, step: kernels.Step, rate: float) -> np.ndarray:
 
 def _taylor(past: Any, rate: float, at: float) -> np.ndarray:
     """Return the series of a smooth function about a time, both in samples."""
+    places, matrix = _interpolation()
+    return matrix @ past((at + _REACH * places) / rate)
+
+
+@cache
+def _interpolation() -> tuple[_Floats, _Floats]:
+    """Return Chebyshev points and the matrix from values there to a series in samples, shape (JUMPS, points)."""
     chebyshev = np.polynomial.chebyshev
-    fit = chebyshev.chebinterpolate(lambda x: past((at + _REACH * x) / rate), _DEGREE)
-    series = np.zeros(kernels.JUMPS)
-    series[: _DEGREE + 1] = chebyshev.cheb2poly(fit) / _REACH ** np.arange(_DEGREE + 1)
-    return series
+    places = chebyshev.chebpts1(_DEGREE + 1)
+    fit = 2.0 / places.size * chebyshev.chebvander(places, _DEGREE).T
+    fit[0] *= 0.5
+    powers = np.zeros((kernels.JUMPS, _DEGREE + 1))
+    for k in range(_DEGREE + 1):
+        powers[: k + 1, k] = chebyshev.cheb2poly(np.eye(_DEGREE + 1)[k])[: k + 1]
+    return places, (powers @ fit) / _REACH ** np.arange(kernels.JUMPS)[:, None]

@@ -59,7 +59,7 @@ def test_parameters_are_broadcast_and_batches_do_not_matter():
     ("changes", "message"),
     [
         ({"overlap": np.array([0.5, 2.0])}, r"overlap must be in \[-1, 1\], got 2.0"),
-        ({"duration": 0.1}, "duration must be at least 0.5 s"),
+        ({"duration": 0.1}, "duration must be at least 0.50"),
         ({"sample_rate_hz": 1000.0}, "sample_rate_hz must be at least"),
     ],
 )
