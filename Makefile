@@ -18,8 +18,13 @@ lint: $(STAMP)
 	$(BIN)/pyright
 	$(BIN)/lint-imports --no-cache
 
-bench: $(STAMP)
+bench: $(VENV)/.bench
 	$(BIN)/python -m pytest tests/benchmarks -s
+
+# peers that only the benchmarks need; one of them compiles and wants a C compiler, without which it is left out
+$(VENV)/.bench: $(STAMP)
+	$(BIN)/pip install --quiet --disable-pip-version-check $(CONSTRAINTS) -e '.[bench]'
+	@touch $@
 
 $(STAMP): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "antiphase needs Python 3.11 or newer: make PYTHON=python3.12")'

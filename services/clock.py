@@ -1,4 +1,4 @@
-"""The only clock: wall time for pacing and for measuring latency; physics counts samples."""
+"""The only clocks: wall time for pacing and latency, computing time for benchmarks; physics counts samples."""
 
 from __future__ import annotations
 
@@ -28,3 +28,14 @@ class WallClock:
     def sleep_until(self, moment: float) -> None:
         """Wait until `moment` (s); return at once when it has passed."""
         time.sleep(max(0.0, moment - time.perf_counter()))
+
+
+class CpuClock:
+    """Time for which this process has been computing: what a benchmark reads on a machine that has other work too."""
+
+    def now(self) -> float:
+        """Return seconds of computing, all threads together."""
+        return time.process_time()
+
+    def sleep_until(self, moment: float) -> None:
+        """Return at once: time that is slept through does not count."""

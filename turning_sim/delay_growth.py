@@ -15,7 +15,7 @@ _Floats = np.ndarray
 _ORDER = 8
 _TOLD, _FAINT, _RIDGE = 1e-5, 1e-3, 1e-15
 _BATCH = 64
-_PER_WAVE, _PER_DELAY = 8.0, 24.0
+_PER_WAVE, _PER_DELAY = 7.0, 24.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,7 @@ def growth_of(
     duration : float
         Of each run (s), at least ten of the longest revolutions.
     sample_rate_hz : float or None
-        (Hz); None for eight samples per wave of the stiffest cut, which leave an error of the growth of 1e-6 1/s.
+        (Hz); None for seven samples per wave of the stiffest cut, which leave an error of the growth of 1e-5 1/s.
 
     Returns
     -------

@@ -44,7 +44,25 @@ def _detector(options: Options) -> dict[str, Any]:
     return {"rows": outcome.rows, "detector": outcome.numbers, "written": written}
 
 
-TABLES: dict[str, Callable[[Options], dict[str, Any]]] = {"transport": _transport, "detector": _detector}
+def _delay(_: Options) -> dict[str, Any]:
+    from services.bench.delay import measure
+
+    return {"rows": measure(say=_say)}
+
+
+def _loop(_: Options) -> dict[str, Any]:
+    from services.bench.loop import measure
+
+    return {"rows": measure(say=_say)}
+
+
+def _say(what: str) -> None:
+    console.print(f"  {what} ...", highlight=False)
+
+
+TABLES: dict[str, Callable[[Options], dict[str, Any]]] = {
+    "transport": _transport, "detector": _detector, "delay": _delay, "loop": _loop,
+}  # fmt: skip
 LongFlag = Annotated[bool, typer.Option("--long", help="detector: 20 h of stable cutting instead of 1 h.")]
 Workers = Annotated[int | None, typer.Option("--workers", help="detector: processes (default: all cores).", min=1)]
 BenchSeed = Annotated[int, typer.Option("--seed", help="detector: seed of every random number.", min=0)]
@@ -80,11 +98,15 @@ def _cores() -> int:
 
 
 def table_of(rows: Rows) -> str:
-    """Return the rows as text."""
+    """Return the rows as text; the ratio is ours over the peer's, and the unit says which side is better."""
     wide = max(len(row["case"]) for row in rows)
-    head = f"{'case':{wide}}  {'ours':>9}  {'peer':>9}  {'ratio':>6}  unit"
+    head = f"{'case':{wide}}  {'ours':>9}  {'peer':>9}  {'ratio':>9}  unit"
     lines = (
-        f"{row['case']:{wide}}  {row['ours']:9.4g}  {row['peer']:9.4g}  {row['ratio']:6.2f}  {row['unit']}"
+        f"{row['case']:{wide}}  {row['ours']:9.4g}  {_number(row['peer'])}  {_number(row['ratio'])}  {row['unit']}"
         for row in rows
     )
-    return "\n".join((head, *lines))
+    return "\n".join((head, *lines, "ratio = ours / peer"))
+
+
+def _number(value: float | None) -> str:
+    return f"{'-':>9}" if value is None else f"{value:9.4g}"
