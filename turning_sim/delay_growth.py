@@ -13,7 +13,7 @@ from turning_sim.delay_equation import DelayEquation, step_of
 
 _Floats = np.ndarray
 _ORDER = 8
-_TOLD, _FAINT, _RIDGE = 1e-5, 1e-3, 1e-15
+_TOLD, _FAINT, _RIDGE = 1e-6, 1e-3, 1e-15
 _BATCH = 64
 _PER_WAVE, _PER_DELAY = 7.0, 24.0
 

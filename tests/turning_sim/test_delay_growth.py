@@ -2,8 +2,6 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tests.turning_sim.delays import equation, root_of
 from turning_sim import growth_of
@@ -16,18 +14,19 @@ def growth(equations, **given):
     return growth_of(**{name: np.array([getattr(e, name) for e in equations]) for name in FIELDS}, **given)
 
 
-@settings(max_examples=8)
-@given(st.lists(st.tuples(st.floats(-8.0, 8.0), st.floats(2e5, 2e6)), min_size=1, max_size=12))
-def test_growth_and_frequency_are_those_of_the_rightmost_root(cuts):
-    """Where few lines are left at the end; where many are, the growth is that of their energy."""
+def test_growth_and_frequency_are_those_of_the_rightmost_root():
+    """Where few lines are left at the end; where many are (an eighth of these), the growth is that of their energy."""
+    rng = np.random.default_rng(5)
+    cuts = zip(rng.uniform(-8.0, 8.0, 80), rng.uniform(2e5, 2e6, 80), strict=True)
     equations = [equation(shift, cutting_stiffness=stiffness) for shift, stiffness in cuts]
     roots = np.array([root_of(e) for e in equations])
     found = growth(equations)
-    resolved = np.isfinite(found.frequency_hz)
-    assert found.rate[resolved] == pytest.approx(roots.real[resolved], rel=2e-3, abs=0.05)
-    assert found.rate == pytest.approx(roots.real, rel=0.05, abs=0.3)
-    certain = np.abs(roots.real) > 0.3
-    assert (found.stable == (roots.real < 0.0))[certain].all()
+    told = np.isfinite(found.frequency_hz)
+    assert told.mean() > 0.8
+    assert found.rate[told] == pytest.approx(roots.real[told], rel=2e-3, abs=2e-3)
+    assert found.frequency_hz[told] == pytest.approx(roots.imag[told] / (2.0 * math.pi), abs=0.01)
+    assert found.rate == pytest.approx(roots.real, rel=0.1)
+    assert (found.stable == (roots.real < 0.0)).all()
 
 
 def test_the_cases_of_the_thesis():
