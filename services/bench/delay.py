@@ -6,6 +6,7 @@ Loss of contact has no closed form; there the measure is our own solution at fou
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from functools import partial
@@ -81,14 +82,15 @@ def linear_rows(seconds: float, rounds: int) -> list[Row]:
     for rate in (36e3, 144e3):
         run = partial(peers.runge_kutta, equation, rate, root, seconds)
         ways[f"numba RK4 and cubic history at {rate / 1e3:.0f} kHz"] = run, grid(rate, seconds)
-    absent = peers.why_no_jitcdde()
-    if absent is None:
-        solve, times = peers.jitcdde_solver(equation, root), grid(100.0, seconds)
-        ways |= {name: (partial(solve, tolerance, times), times) for name, tolerance in JITCDDE.items()}
     short = grid(RATE, DOP853_S)
     name = f"scipy DOP853 by the method of steps (1e-9, {DOP853_S:g} s)"
     ways[name] = partial(peers.dop853, equation, root, short), short
-    taken, found = interleaved({name: way for name, (way, _) in ways.items()}, rounds, CLOCK)
+    absent = peers.why_no_jitcdde()
+    with contextlib.ExitStack() as stack:
+        if absent is None:
+            solve, times = stack.enter_context(peers.jitcdde_solver(equation, root)), grid(100.0, seconds)
+            ways |= {name: (partial(solve, tolerance, times), times) for name, tolerance in JITCDDE.items()}
+        taken, found = interleaved({name: way for name, (way, _) in ways.items()}, rounds, CLOCK)
     speed = {name: float(times[-1]) / taken[name] for name, (_, times) in ways.items()}
     error = {name: _misfit(found[name], _swing(root, times)) for name, (_, times) in ways.items()}
     what, others = f"linear, {seconds:g} s, beside", [name for name in ways if name != "ours"]

@@ -8,7 +8,7 @@ import importlib.util
 import math
 import shutil
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any
 
 import numpy as np
@@ -75,8 +75,9 @@ def why_no_jitcdde() -> str | None:
     return None if shutil.which("gcc") or shutil.which("cc") else "no C compiler"
 
 
-def jitcdde_solver(equation: DelayEquation, root: complex) -> Callable[[float, Floats], Floats]:
-    """Return a compiled solver: called with a relative tolerance and times, it returns the displacement there."""
+@contextlib.contextmanager
+def jitcdde_solver(equation: DelayEquation, root: complex) -> Generator[Callable[[float, Floats], Floats]]:
+    """Lend a compiled solver: called with a relative tolerance and times, it returns the displacement there."""
     jit: Any = importlib.import_module("jitcdde")
     e, y, t = equation, jit.y, jit.t
     regenerated = e.overlap * (y(0, t - e.delay_1) + y(0, t - e.delay_2))
@@ -97,7 +98,10 @@ def jitcdde_solver(equation: DelayEquation, root: complex) -> Callable[[float, F
         solver.initial_discontinuities_handled = True
         return np.array([solver.integrate(moment)[0] for moment in times])
 
-    return solve
+    try:
+        yield solve
+    finally:
+        solver.__del__()  # what it has compiled, before the interpreter complains of it
 
 
 def dop853(equation: DelayEquation, root: complex, times: Floats, tolerance: float = 1e-9) -> Floats:
