@@ -1,9 +1,11 @@
-"""The shape of a block of samples, checked in one place."""
+"""The shape of a block of samples, checked in one place, and memory for the kernels."""
 
 from typing import NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+_FLOAT = np.dtype(np.float64)
 
 
 def as_block(block: ArrayLike, channels: int) -> NDArray[np.float64]:
@@ -16,9 +18,14 @@ def as_block(block: ArrayLike, channels: int) -> NDArray[np.float64]:
     channels : int
         Number of channels of the stream.
     """
-    if np.iscomplexobj(block):
+    if type(block) is np.ndarray and block.dtype is _FLOAT and block.flags.carray:
+        if block.ndim == 2 and block.shape[1] == channels:
+            return block
+    elif np.iscomplexobj(block):
         raise ValueError(f"block must be real, got {np.asarray(block).dtype}")
     samples = np.ascontiguousarray(block, dtype=np.float64)
+    if not samples.flags.carray:  # read-only memory would be compiled for once more
+        samples = samples.copy()
     if samples.ndim == 1 and channels == 1 and np.ndim(block) == 1:
         return samples.reshape(-1, 1)
     if samples.ndim != 2 or samples.shape[1] != channels:
@@ -59,3 +66,16 @@ def positive_integer(name: str, value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
         raise ValueError(f"{name} must be an integer >= 1, got {value!r}")
     return int(value)
+
+
+def aligned(size: int) -> NDArray[np.float64]:
+    """Return an array that begins at the start of a cache line, shape (size,).
+
+    Parameters
+    ----------
+    size : int
+        Numbers in it.
+    """
+    raw = np.empty(size + 8)
+    skip = -raw.__array_interface__["data"][0] % 64 // 8
+    return raw[skip : skip + size]

@@ -1,45 +1,28 @@
 """The spectrum of a sliding window at chosen frequencies, exact for ever."""
 
 from dataclasses import dataclass
-from math import ceil, isqrt
+from math import ceil, isqrt, log2
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.fft import rfft
 
-from chatter import _dft_kernels
-from chatter._dft_kernels import PAIR, PARTS, TILE
-from chatter.blocks import as_block, positive_integer, reject_non_finite
+from chatter import _dft_kernels as kernels
+from chatter._dft_kernels import MAXIMUM, PLAN, POSITION, POWER, SEEN, SPECTRUM
+from chatter._kernels import first_non_finite
+from chatter._row_kernels import ROW, TILE, Plan
+from chatter.blocks import aligned, as_block, positive_integer, reject_non_finite
+from chatter.twiddles import neighbours, tables
 
 _GRID = 90
-"""Samples per table span: one 10 ms block at 9 kHz, so that blocks on the grid fall on whole spans."""
-
-
-def twiddles(frequencies_hz: NDArray[np.float64], samples: ArrayLike, sample_rate_hz: float) -> NDArray[np.float64]:
-    """Return cosine and sine of 2 pi f i / f_s with the phase reduced exactly, shape (2, samples, frequencies).
-
-    Parameters
-    ----------
-    frequencies_hz : ndarray, shape (k,)
-        Frequencies (Hz).
-    samples : array_like of int, shape (n,)
-        Sample indices i, below 2**26.
-    sample_rate_hz : float
-        Sampling rate (Hz).
-    """
-    index = np.asarray(samples, dtype=np.float64)[:, None]
-    high = frequencies_hz.astype(np.float32).astype(np.float64)  # 24 bits: high * index is exact, and so is the rest
-    middle = (frequencies_hz - high).astype(np.float32).astype(np.float64)
-    low = frequencies_hz - high - middle
-    rest, quarters = 0.0, 0.0
-    for part in (low, middle, high):  # each reduced to an eighth of a cycle without rounding, then smallest first
-        left = np.fmod(part * index, sample_rate_hz)
-        quarter = np.rint(4.0 * left / sample_rate_hz)
-        rest = rest + (left - quarter * (0.25 * sample_rate_hz))
-        quarters = quarters + quarter
-    angle = 2.0 * np.pi * (rest / sample_rate_hz)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    turn = quarters.astype(np.int64) % 4
-    return np.stack([np.choose(turn, [cosine, -sine, -cosine, sine]), np.choose(turn, [sine, cosine, -sine, -cosine])])
+"""Samples per span, or a divisor of them: one 10 ms block at 9 kHz, so that blocks on the grid fall on whole spans."""
+_LONG = 2 * _GRID
+"""Samples of a hop up to which no whole window is transformed, however many the bins."""
+_EFFORT = 20
+"""What a transform takes for each sample and halving of the window, in tiles times rank of a sample of a span."""
+_COMPLEX = np.dtype(np.complex128)
+_CHUNK = 32
+"""Spectra taken at a time where they are weighted afterwards."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,18 +30,20 @@ class SlidingDFTState:
     """Copy of the whole state of a `SlidingDFT`."""
 
     frequencies_hz: NDArray[np.float64]
-    seen: int
-    position: int
-    ring: NDArray[np.float64]
-    sums: NDArray[np.float64]
+    window: int
+    hann: bool
+    clock: NDArray[np.int64]
+    memory: NDArray[np.float64]
 
 
 class SlidingDFT:
     """Spectrum ``X_k = sum_i y[i] exp(-2j pi f_k i / f_s)``, i = 0 the oldest of the last ``window`` samples.
 
     Samples before the start of the stream count as zeros. Any frequencies may be asked for, not only multiples of
-    ``f_s / window``. The sums are kept in the frame of the present epoch of ``window`` samples, with twiddles whose
-    phase is reduced exactly, and are replaced by freshly built ones at the end of every epoch: the error does not grow.
+    ``f_s / window``. Nothing that leaves the window is ever taken out of a sum that lasts longer than a span of some 90
+    samples, and the twiddles have exactly reduced phases: the error does not grow. A call does the work that its hop
+    needs: sample by sample for short ones, whole spans by a product of low rank for long ones, whole windows by a fast
+    transform where the bins are many and on its grid; the sums are then made up for by the next call that needs them.
 
     Parameters
     ----------
@@ -70,27 +55,35 @@ class SlidingDFT:
         Sampling rate (Hz).
     channels : int
         Number of channels.
+    hann : bool
+        Weight the window by (1 - cos(2 pi i / window)) / 2, in the frequency domain.
     """
 
-    def __init__(self, frequencies_hz: ArrayLike, window: int, sample_rate_hz: float, channels: int = 1) -> None:
+    def __init__(
+        self,
+        frequencies_hz: ArrayLike,
+        window: int,
+        sample_rate_hz: float,
+        channels: int = 1,
+        *,
+        hann: bool = False,
+    ) -> None:
         self.frequencies_hz = np.array(frequencies_hz, dtype=np.float64, ndmin=1)
         self.window = positive_integer("window", window)
         self.sample_rate_hz = float(sample_rate_hz)
         self.channels = positive_integer("channels", channels)
+        self.hann = hann
         self._check()
         self.frequencies_hz.flags.writeable = False
-        self._tiles = ceil(self.frequencies_hz.size / TILE)
+        all_hz, steps, self._distance = self.frequencies_hz, 0, 0
+        if hann:
+            all_hz, steps, self._distance = neighbours(self.frequencies_hz, self.window, self.sample_rate_hz)
+        self._bins = self.frequencies_hz.size
+        on_grid = np.rint(all_hz * (self.window / self.sample_rate_hz)).astype(np.int64) + steps
+        self._turned = (on_grid % self.window) > self.window // 2
+        self._places = np.where(self._turned, -on_grid, on_grid) % self.window
         span = _GRID * ceil(isqrt(self.window) / (2 * _GRID))
-        padded = np.zeros(TILE * self._tiles)
-        padded[: self.frequencies_hz.size] = self.frequencies_hz
-        rows = np.concatenate([np.arange(span + 1), np.arange(0, self.window, span), [self.window]])
-        table = twiddles(padded, rows, self.sample_rate_hz) * np.array([1.0, -1.0])[:, None, None]
-        self._tables = _aligned(table.size)
-        self._tables[:] = table.reshape(2, rows.size, self._tiles, TILE).transpose(2, 1, 0, 3).ravel()
-        self._ring = np.zeros((self.window, self.channels))
-        self._series = np.zeros((self.channels, 2, span))
-        self._state = _aligned(self._tiles * self.channels * PARTS * PAIR)
-        self._seen = self._position = 0
+        self._lay_out(span, *tables(all_hz, steps, self.window, self.sample_rate_hz, span))
 
     def _check(self) -> None:
         if not (np.isfinite(self.sample_rate_hz) and self.sample_rate_hz > 0.0):
@@ -105,6 +98,42 @@ class SlidingDFT:
         if self.window >= 2**26:
             raise ValueError(f"window must be below 2**26, got {self.window}")
 
+    def _lay_out(
+        self,
+        span: int,
+        table: NDArray[np.float64],
+        middles: NDArray[np.float64],
+        fold: NDArray[np.float64],
+        rank: int,
+        late: int,
+    ) -> None:
+        """Put tables and state into one array and describe it for the kernel."""
+        tiles, spans, width, group = len(table), len(middles), fold.shape[2], isqrt(len(middles))
+        rows, constants = tiles * self.channels, [table, middles, fold]
+        sizes = [part.size for part in constants]
+        sizes += [3 * span, 2 * width * (kernels.MANY * self.channels + 2), *[rows * ROW] * 3, spans * rows * ROW,
+                  ceil(spans / group) * rows * ROW, self.channels * self.window, self.channels * 2 * span]  # fmt: skip
+        places = [int(place) for place in np.cumsum([0, *(8 * ceil(size / 8) for size in sizes)])]
+        self._work = aligned(places[-1])
+        self._work[:] = 0.0
+        for part, place in zip(constants, places, strict=False):
+            self._work[place : place + part.size] = part.ravel()
+        numbers = (span, spans, group, late, rank, width, table[0].size)
+        plan = Plan(self.window, self.channels, tiles, *numbers, *places[1:-1])
+        self._clock = np.array([*[0] * PLAN, *plan])
+        self._memory = self._work[plan.part :]
+        ring = self._work[plan.ring : plan.ring + self.channels * self.window]
+        self._ring, self._behind = ring.reshape(self.channels, self.window), False
+        pays = ceil(_EFFORT * self.window * log2(self.window) / (tiles * rank))
+        self._long = 2**62 if late else max(_LONG, pays)
+        self._shape = (self.channels, tiles * TILE)
+        self._asked = (slice(None), slice(self._bins))
+
+    @property
+    def seen(self) -> int:
+        """Samples of the stream so far."""
+        return int(self._clock[SEEN])
+
     def update(self, block: ArrayLike) -> NDArray[np.complex128]:
         """Take a block and return the spectrum after its last sample, shape (channels, bins).
 
@@ -114,7 +143,17 @@ class SlidingDFT:
             New samples; an empty block returns the present spectrum.
         """
         samples = as_block(block, self.channels)
-        return self._advance(samples, samples.shape[0], 1, False).view(np.complex128)[0, :, : self.frequencies_hz.size]
+        hop = len(samples)
+        if self.hann:
+            return self._weighted(samples, hop, SPECTRUM).view(np.complex128).reshape(-1, self._bins)
+        out = np.empty(self._shape, _COMPLEX)
+        if self._behind or hop >= self._long:
+            self._advance(samples, hop, SPECTRUM, out)
+            return out[self._asked]
+        bad = kernels.sliding_dft(samples, hop, SPECTRUM, self._work, self._clock, out)
+        if bad >= 0:
+            reject_non_finite(samples, bad, self.seen)
+        return out[self._asked]
 
     def spectra(self, block: ArrayLike, hop: int = 1) -> NDArray[np.complex128]:
         """Take a block and return the spectrum after each hop-th of its samples, shape (n // hop, channels, bins).
@@ -126,8 +165,13 @@ class SlidingDFT:
         hop : int
             Samples from one spectrum to the next.
         """
-        out = self._every(block, hop, False).view(np.complex128)
-        return out[..., : self.frequencies_hz.size]
+        samples, hop = as_block(block, self.channels), positive_integer("hop", hop)
+        if self.hann:
+            return self._weighted(samples, hop, SPECTRUM).view(np.complex128).reshape(-1, self.channels, self._bins)
+        channels, width = self._shape
+        out = np.empty((len(samples) // hop * channels, width), np.complex128)
+        self._advance(samples, hop, SPECTRUM, out)
+        return out.reshape(-1, channels, width)[..., : self._bins]
 
     def power(self, block: ArrayLike, hop: int = 1) -> NDArray[np.float64]:
         """Take a block and return abs(X)**2 after each hop-th of its samples, shape (n // hop, channels, bins).
@@ -139,52 +183,121 @@ class SlidingDFT:
         hop : int
             Samples from one spectrum to the next.
         """
-        return self._every(block, hop, True)[..., : self.frequencies_hz.size]
+        samples, hop = as_block(block, self.channels), positive_integer("hop", hop)
+        if self.hann:
+            return self._weighted(samples, hop, POWER).reshape(-1, self.channels, self._bins)
+        if hop >= self._long:
+            found = self.spectra(samples, hop)
+            return found.real**2 + found.imag**2
+        channels, width = self._shape
+        out = aligned(len(samples) // hop * channels * width)
+        self._advance(samples, hop, POWER, out.view(np.complex128).reshape(-1, TILE // 2))
+        return out.reshape(-1, channels, width)[..., : self._bins]
 
-    def _every(self, block: ArrayLike, hop: int, power: bool) -> NDArray[np.float64]:
+    def maximum(self, block: ArrayLike) -> NDArray[np.float64]:
+        """Take a block and return the largest abs(X)**2 of each bin after any of its samples, shape (channels, bins).
+
+        So it is the largest since it was last asked for. An empty block returns the present power.
+
+        Parameters
+        ----------
+        block : array_like, shape (n,) or (n, channels)
+            New samples.
+        """
         samples = as_block(block, self.channels)
-        hop = positive_integer("hop", hop)
-        if samples.shape[0] == 0:
-            return np.empty((0, self.channels, TILE * self._tiles * (1 if power else 2)))
-        return self._advance(samples, hop, samples.shape[0] // hop, power)
-
-    @property
-    def seen(self) -> int:
-        """Samples of the stream so far."""
-        return self._seen
-
-    def _advance(self, samples: NDArray[np.float64], hop: int, spectra: int, power: bool) -> NDArray[np.float64]:
-        out = np.empty((spectra, self.channels, TILE * self._tiles * (1 if power else 2)))
-        bad = _dft_kernels.sliding_dft(
-            samples, hop, power, self._ring, self._series, self._tables, self._state, self._tiles, self._position,
-            out.reshape(-1),
-        )  # fmt: skip
-        if bad >= 0:
-            reject_non_finite(samples, bad, self._seen)
-        self._seen += samples.shape[0]
-        self._position = (self._position + samples.shape[0]) % self.window
+        hop = min(len(samples), 1)
+        if not self.hann:
+            out = np.zeros(self._shape)
+            self._advance(samples, hop, MAXIMUM, out.view(np.complex128))
+            return out[:, : self._bins]
+        self._refuse(samples)
+        out = np.zeros((self.channels, self._bins))
+        for start in range(0, max(len(samples), 1), _CHUNK):
+            powers = self._weighted(samples[start : start + _CHUNK], hop, POWER)
+            np.maximum(out, powers.reshape(-1, *out.shape).max(axis=0), out=out)
         return out
 
+    def _weighted(self, samples: NDArray[np.float64], hop: int, mode: int) -> NDArray[np.float64]:
+        """Return weighted spectra as pairs of floats, or their squared sizes, flat."""
+        rows = (len(samples) // hop if hop else 1) * self.channels
+        raw = np.empty((rows, self._shape[1]), np.complex128)
+        self._advance(samples, hop, SPECTRUM, raw)
+        out = np.empty(rows * self._bins * (1 if mode == POWER else 2))
+        kernels.weigh_hann(raw, rows, self._distance, self._bins, mode, out)
+        return out
+
+    def _advance(self, samples: NDArray[np.float64], hop: int, mode: int, out: NDArray[np.complex128]) -> None:
+        if hop >= self._long:
+            self._transform(samples, hop, out)
+            return
+        if self._behind:
+            self._catch_up()
+        bad = kernels.sliding_dft(samples, hop, mode, self._work, self._clock, out)
+        if bad >= 0:
+            reject_non_finite(samples, bad, self.seen)
+
+    def _transform(self, samples: NDArray[np.float64], hop: int, out: NDArray[np.complex128]) -> None:
+        """Write the spectra by a fast transform of each window, and leave the sums behind."""
+        self._refuse(samples)
+        for start in range(0, len(samples), hop):
+            piece = samples[start : start + hop]
+            self._keep(piece)
+            if len(piece) == hop:
+                position = int(self._clock[POSITION])
+                window = np.concatenate([self._ring[:, position:], self._ring[:, :position]], axis=1)
+                found = np.asarray(rfft(window, axis=1))[:, self._places]
+                first = start // hop * self.channels
+                rows = out[first : first + self.channels, : self._places.size]
+                rows[:] = np.where(self._turned, found.conj(), found)
+        self._behind = True
+
+    def _keep(self, samples: NDArray[np.float64]) -> None:
+        """Take samples into the ring alone."""
+        self._clock[SEEN] += len(samples)
+        position = (int(self._clock[POSITION]) + max(len(samples) - self.window, 0)) % self.window
+        last = samples[-self.window :].T
+        room = min(self.window - position, last.shape[1])
+        self._ring[:, position : position + room] = last[:, :room]
+        self._ring[:, : last.shape[1] - room] = last[:, room:]
+        self._clock[POSITION] = (position + last.shape[1]) % self.window
+
+    def _catch_up(self) -> None:
+        """Make the sums of what is in the ring."""
+        position, seen, ring = int(self._clock[POSITION]), self.seen, self._ring.T.copy()
+        self.reset()
+        nothing = np.empty((1, TILE), np.complex128)
+        for start, stop in ((position, self.window), (0, position)):
+            epoch = np.zeros((stop, self.channels))
+            epoch[start:] = ring[start:stop]
+            kernels.sliding_dft(epoch, 2**62, SPECTRUM, self._work, self._clock, nothing)
+        self._clock[SEEN] = seen
+
+    def _refuse(self, samples: NDArray[np.float64]) -> None:
+        bad = first_non_finite(samples)
+        if bad >= 0:
+            reject_non_finite(samples, bad, self.seen)
+
     def prepare(self) -> None:
-        """Compile the kernel; the state stays as it is."""
-        twin = SlidingDFT([0.0], 2, 1.0, self.channels)
+        """Compile the kernels; the state stays as it is."""
+        twin = SlidingDFT([0.0], 2, 1.0, self.channels, hann=self.hann)
         twin.update(np.zeros((2, self.channels)))
-        twin.power(np.zeros((2, self.channels)))
 
     def reset(self) -> None:
         """Forget every sample."""
-        self._seen = self._position = 0
-        self._ring[:] = 0.0
-        self._state[:] = 0.0
+        self._behind = False
+        self._clock[:PLAN] = 0
+        self._memory[:] = 0.0
 
     def snapshot(self) -> SlidingDFTState:
         """Return a copy of the whole state."""
+        if self._behind:
+            self._catch_up()
         return SlidingDFTState(
             frequencies_hz=self.frequencies_hz,
-            seen=self._seen,
-            position=self._position,
-            ring=self._ring.copy(),
-            sums=self._state.copy(),
+            window=self.window,
+            hann=self.hann,
+            clock=self._clock[:PLAN].copy(),
+            memory=self._memory.copy(),
         )
 
     def restore(self, state: SlidingDFTState) -> None:
@@ -195,17 +308,12 @@ class SlidingDFT:
         state : SlidingDFTState
             What `snapshot` of an object with the same window, channels and frequencies returned.
         """
-        if state.ring.shape != self._ring.shape or not np.array_equal(state.frequencies_hz, self.frequencies_hz):
+        same = state.hann == self.hann and np.array_equal(state.frequencies_hz, self.frequencies_hz)
+        if not same or (state.window, state.memory.size) != (self.window, self._memory.size):
             raise ValueError(
-                f"state must be of (window, channels) {self._ring.shape} and the same {self.frequencies_hz.size}"
-                f" frequencies, got {state.ring.shape} and {state.frequencies_hz.size}"
+                f"state must be of {self.channels} channels, a window of {self.window} and the same {self._bins}"
+                f" frequencies, got a window of {state.window} and {state.frequencies_hz.size} frequencies"
             )
-        self._seen, self._position = state.seen, state.position
-        self._ring[:], self._state[:] = state.ring, state.sums
-
-
-def _aligned(size: int) -> NDArray[np.float64]:
-    """Return zeros whose first stands at the start of a cache line, shape (size,)."""
-    raw = np.zeros(size + 8)
-    skip = -raw.ctypes.data % 64 // 8
-    return raw[skip : skip + size]
+        self._behind = False
+        self._clock[:PLAN] = state.clock
+        self._memory[:] = state.memory

@@ -35,6 +35,18 @@ class ExactDFT:
         return np.array([complex(fsum(samples * c), -fsum(samples * s)) for c, s in rows])
 
 
+def spectra(stream, stops, frequencies_hz, window, sample_rate_hz, hann=False):
+    """Spectra of the windows that end before each of ``stops``, (stops, channels, bins), by products of long floats."""
+    phases = [cycles(float(f), float(sample_rate_hz), window).astype(np.longdouble) for f in frequencies_hz]
+    angle = 2 * np.longdouble(np.pi) * np.array(phases)
+    weight = np.ones(window, dtype=np.longdouble)
+    if hann:
+        weight = 0.5 - 0.5 * np.cos(2 * np.longdouble(np.pi) * np.arange(window) / window)
+    windows = [window_at(stream, stop, window).T for stop in stops]
+    samples = np.array(windows, dtype=np.longdouble).reshape(-1, np.shape(stream)[1], window) * weight
+    return (samples @ np.cos(angle).T).astype(float) - 1j * (samples @ np.sin(angle).T).astype(float)
+
+
 def moving_variance(stream, window):
     """Population variance of the last ``window`` samples (of those seen) after each sample, two passes each."""
     stream = np.asarray(stream, dtype=float)
