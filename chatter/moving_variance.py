@@ -5,18 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from chatter import _kernels
-from chatter.blocks import as_block, positive_integer, reject_non_finite
+from chatter import _variance_kernels as kernels
+from chatter.blocks import aligned, as_block, positive_integer, reject_non_finite
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MovingVarianceState:
     """Copy of the whole state of a `MovingVariance`."""
 
+    window: int
     seen: int
-    ring: NDArray[np.float64]
-    suffix: NDArray[np.float64]
-    running: NDArray[np.float64]
+    memory: NDArray[np.float64]
 
 
 class MovingVariance:
@@ -36,9 +35,9 @@ class MovingVariance:
     def __init__(self, window: int, channels: int = 1) -> None:
         self.window = positive_integer("window", window)
         self.channels = positive_integer("channels", channels)
-        self._ring = np.zeros((self.channels, self.window))
-        self._suffix = np.zeros((self.channels, 2, self.window))
-        self._running = np.zeros((self.channels, 3))
+        each = 3 * -(-self.window // 8) * 8 + 8
+        self._work = aligned(self.channels * each).reshape(self.channels, each)
+        self._work[:] = 0.0
         self._seen = 0
 
     def update(self, block: ArrayLike) -> NDArray[np.float64]:
@@ -50,12 +49,13 @@ class MovingVariance:
             New samples; until there are ``window`` of them the variance is that of the samples seen.
         """
         samples = as_block(block, self.channels)
-        out = np.empty_like(samples)
-        bad = _kernels.moving_variance(samples, self._seen, self._ring, self._suffix, self._running, out)
+        count = len(samples)
+        out = np.empty((self.channels, count + 24))
+        bad = kernels.moving_variance(samples, self._seen, self.window, self._work, out)
         if bad >= 0:
             reject_non_finite(samples, bad, self._seen)
-        self._seen += samples.shape[0]
-        return out
+        self._seen += count
+        return out[:, 8 : 8 + count].T
 
     def prepare(self) -> None:
         """Compile the kernel; the state stays as it is."""
@@ -67,9 +67,7 @@ class MovingVariance:
 
     def snapshot(self) -> MovingVarianceState:
         """Return a copy of the whole state."""
-        return MovingVarianceState(
-            seen=self._seen, ring=self._ring.copy(), suffix=self._suffix.copy(), running=self._running.copy()
-        )
+        return MovingVarianceState(window=self.window, seen=self._seen, memory=self._work.copy())
 
     def restore(self, state: MovingVarianceState) -> None:
         """Continue from a copy of the state.
@@ -79,7 +77,10 @@ class MovingVariance:
         state : MovingVarianceState
             What `snapshot` of an object with the same window and channels returned.
         """
-        if state.ring.shape != self._ring.shape:
-            raise ValueError(f"state must be of (channels, window) {self._ring.shape}, got {state.ring.shape}")
+        if (state.window, len(state.memory)) != (self.window, self.channels):
+            raise ValueError(
+                f"state must be of {self.channels} channels and a window of {self.window},"
+                f" got {len(state.memory)} and {state.window}"
+            )
         self._seen = state.seen
-        self._ring[:], self._suffix[:], self._running[:] = state.ring, state.suffix, state.running
+        self._work[:] = state.memory
