@@ -56,12 +56,19 @@ def _loop(_: Options) -> dict[str, Any]:
     return {"rows": measure(say=_say)}
 
 
+def _estimators(_: Options) -> dict[str, Any]:
+    from services.bench.estimators import measure
+
+    return {"rows": measure(say=_say)}
+
+
 def _say(what: str) -> None:
     console.print(f"  {what} ...", highlight=False)
 
 
 TABLES: dict[str, Callable[[Options], dict[str, Any]]] = {
     "transport": _transport, "detector": _detector, "delay": _delay, "loop": _loop,
+    "estimators": _estimators,
 }  # fmt: skip
 LongFlag = Annotated[bool, typer.Option("--long", help="detector: 20 h of stable cutting instead of 1 h.")]
 Workers = Annotated[int | None, typer.Option("--workers", help="detector: processes (default: all cores).", min=1)]

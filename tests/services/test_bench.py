@@ -42,3 +42,13 @@ def test_the_loop_table_says_how_much_faster_than_real_time():
     rows = loop.measure(seconds=0.2, rounds=1)
     assert [row["peer"] for row in rows] == [1.0, 1.0]
     assert all(row["ratio"] == row["ours"] > 0.0 for row in rows)
+
+
+def test_estimators_are_set_beside_the_default_on_the_loop():
+    from services.bench.estimators import DEFAULT, measure
+
+    rows = measure(seeds=1, blocks=2, names=(DEFAULT, "dob"))
+    assert len(rows) == 8
+    assert set(rows[0]) == {"case", "ours", "peer", "ratio", "unit"}
+    ended = {row["case"].split(":")[0]: row["ours"] for row in rows if "chatter ended" in row["case"]}
+    assert ended == {DEFAULT: 1.0, "dob": 0.0}
