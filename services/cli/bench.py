@@ -62,13 +62,25 @@ def _estimators(_: Options) -> dict[str, Any]:
     return {"rows": measure(say=_say)}
 
 
+def _sdft(_: Options) -> dict[str, Any]:
+    from services.bench.spectrum import measure
+
+    return {"rows": measure(say=_say)}
+
+
+def _variance(_: Options) -> dict[str, Any]:
+    from services.bench.variance import measure
+
+    return {"rows": measure(say=_say)}
+
+
 def _say(what: str) -> None:
     console.print(f"  {what} ...", highlight=False)
 
 
 TABLES: dict[str, Callable[[Options], dict[str, Any]]] = {
     "transport": _transport, "detector": _detector, "delay": _delay, "loop": _loop,
-    "estimators": _estimators,
+    "estimators": _estimators, "sdft": _sdft, "variance": _variance,
 }  # fmt: skip
 LongFlag = Annotated[bool, typer.Option("--long", help="detector: 20 h of stable cutting instead of 1 h.")]
 Workers = Annotated[int | None, typer.Option("--workers", help="detector: processes (default: all cores).", min=1)]
