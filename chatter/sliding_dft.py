@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from math import ceil, isqrt, log2
+from sys import getrefcount
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -121,13 +122,22 @@ class SlidingDFT:
         numbers = (span, spans, group, late, rank, width, table[0].size)
         plan = Plan(self.window, self.channels, tiles, *numbers, *places[1:-1])
         self._clock = np.array([*[0] * PLAN, *plan])
-        self._memory = self._work[plan.part :]
-        ring = self._work[plan.ring : plan.ring + self.channels * self.window]
-        self._ring, self._behind = ring.reshape(self.channels, self.window), False
+        self._state, self._ring_at, self._behind = plan.part, plan.ring, False
         pays = ceil(_EFFORT * self.window * log2(self.window) / (tiles * rank))
         self._long = 2**62 if late else max(_LONG, pays)
         self._shape = (self.channels, tiles * TILE)
+        self._last = self._before = np.empty(self._shape, _COMPLEX)  # memory of the last two answers
+        self._long_last = self._long_before = aligned(0)
         self._asked = (slice(None), slice(self._bins))
+
+    @property
+    def _memory(self) -> NDArray[np.float64]:
+        return self._work[self._state :]
+
+    @property
+    def _ring(self) -> NDArray[np.float64]:
+        ring = self._work[self._ring_at : self._ring_at + self.channels * self.window]
+        return ring.reshape(self.channels, self.window)
 
     @property
     def seen(self) -> int:
@@ -146,7 +156,10 @@ class SlidingDFT:
         hop = len(samples)
         if self.hann:
             return self._weighted(samples, hop, SPECTRUM).view(np.complex128).reshape(-1, self._bins)
-        out = np.empty(self._shape, _COMPLEX)
+        self._last, self._before = self._before, self._last
+        if getrefcount(self._last) > 2:  # somebody holds that answer still; else its memory serves again
+            self._last = np.empty(self._shape, _COMPLEX)
+        out = self._last
         if self._behind or hop >= self._long:
             self._advance(samples, hop, SPECTRUM, out)
             return out[self._asked]
@@ -169,8 +182,8 @@ class SlidingDFT:
         if self.hann:
             return self._weighted(samples, hop, SPECTRUM).view(np.complex128).reshape(-1, self.channels, self._bins)
         channels, width = self._shape
-        out = np.empty((len(samples) // hop * channels, width), np.complex128)
-        self._advance(samples, hop, SPECTRUM, out)
+        out = self._room(len(samples) // hop * channels * width * 2).view(np.complex128)
+        self._advance(samples, hop, SPECTRUM, out.reshape(-1, width))
         return out.reshape(-1, channels, width)[..., : self._bins]
 
     def power(self, block: ArrayLike, hop: int = 1) -> NDArray[np.float64]:
@@ -190,7 +203,7 @@ class SlidingDFT:
             found = self.spectra(samples, hop)
             return found.real**2 + found.imag**2
         channels, width = self._shape
-        out = aligned(len(samples) // hop * channels * width)
+        out = self._room(len(samples) // hop * channels * width)
         self._advance(samples, hop, POWER, out.view(np.complex128).reshape(-1, TILE // 2))
         return out.reshape(-1, channels, width)[..., : self._bins]
 
@@ -216,6 +229,13 @@ class SlidingDFT:
             powers = self._weighted(samples[start : start + _CHUNK], hop, POWER)
             np.maximum(out, powers.reshape(-1, *out.shape).max(axis=0), out=out)
         return out
+
+    def _room(self, numbers: int) -> NDArray[np.float64]:
+        """Return memory for an answer: that of the one before the last, if it has the size and nobody holds it."""
+        self._long_last, self._long_before = self._long_before, self._long_last
+        if self._long_last.size != numbers or getrefcount(self._long_last.base) > 2:
+            self._long_last = aligned(numbers)
+        return self._long_last
 
     def _weighted(self, samples: NDArray[np.float64], hop: int, mode: int) -> NDArray[np.float64]:
         """Return weighted spectra as pairs of floats, or their squared sizes, flat."""

@@ -1,7 +1,9 @@
 """The sliding spectrum against its definition: any frequencies, hops and cutting, no growth of the error."""
 
+import copy
 import json
 import os
+import pickle
 import subprocess
 import sys
 
@@ -148,6 +150,21 @@ def test_spike_leaves_no_trace():
     assert error(got, fresh) < 1e-14
 
 
+@pytest.mark.parametrize("how", ["update", "spectra", "power", "maximum"])
+@pytest.mark.parametrize("hann", [False, True])
+def test_an_answer_that_is_held_stays_as_it_is(how, hann):
+    sliding, y = SlidingDFT(BAND, 300, RATE, 2, hann=hann), stream(900, 2)
+    held = [ask(sliding, y[start : start + 90], how, 30)[0] for start in range(0, 450, 90)]
+    parts = [answer[-1, 0, 2:5] for answer in held]
+    wanted = [answer.copy() for answer in held]
+    del held[1:]
+    for start in range(450, 900, 90):
+        ask(sliding, y[start : start + 90], how, 30)
+    np.testing.assert_array_equal(held[0], wanted[0])
+    for part, answer in zip(parts, wanted, strict=True):
+        np.testing.assert_array_equal(part, answer[-1, 0, 2:5])
+
+
 def test_what_lasts_does_not_depend_on_the_cutting():
     y = stream(2520, 2)
     sliding, whole = (SlidingDFT([500.0, 612.3], 1000, RATE, 2) for _ in range(2))
@@ -205,6 +222,18 @@ def test_state_can_be_copied_and_put_back(before):
     a.reset()
     fresh = SlidingDFT([500.0, 612.3], 300, RATE, 2, hann=True)
     np.testing.assert_array_equal(a.update(y[:250]), fresh.update(y[:250]))
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda thing: pickle.loads(pickle.dumps(thing))])
+def test_a_duplicate_goes_its_own_way(duplicate):
+    y, sliding = stream(1600, 2), SlidingDFT(np.arange(0.0, 4501.0, 90.0), 100, RATE, 2)
+    for how, block in (("update", y[:333]), ("update", y[333:733]), ("power", y[733:900])):
+        ask(sliding, block, how, 30)
+    twin = duplicate(sliding)
+    wanted = sliding.update(y[900:1000]), sliding.update(y[1000:1600]), sliding.update(y[:77])
+    got = twin.update(y[900:1000]), twin.update(y[1000:1600]), twin.update(y[:77])
+    for one, other in zip(got, wanted, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 @pytest.mark.parametrize(
