@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from datetime import UTC, datetime
 from typing import Protocol
 
 
@@ -39,3 +40,8 @@ class CpuClock:
 
     def sleep_until(self, moment: float) -> None:
         """Return at once: time that is slept through does not count."""
+
+
+def utc_now() -> datetime:
+    """Return the date and time of day, to name files and to say when something was done."""
+    return datetime.now(UTC)

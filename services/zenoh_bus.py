@@ -339,6 +339,19 @@ class ZenohBus:
         self._open.append(presence)
         return presence
 
+    def ask_config(self, timeout_s: float) -> Callable[[], str | None]:
+        """Ask the machine for its configuration; what is returned gives the answer once it has come, else None."""
+        replies = self._session.get(self._prefix + "config", fifo(4), timeout=timeout_s)
+
+        def answer() -> str | None:
+            try:
+                reply = replies.try_recv()
+            except zenoh.ZError:  # every answer has been taken, or none came in time
+                return None
+            return None if reply is None or reply.ok is None else reply.ok.payload.to_string()
+
+        return answer
+
     def serve_config(self, text: str) -> None:
         """Answer whoever asks for `config` with a JSON text; `answer` must be called now and then."""
         queryable = self._session.declare_queryable(self._prefix + "config", fifo(64))

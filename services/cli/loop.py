@@ -100,7 +100,7 @@ def demo(
 ) -> int:
     """Show a case from chatter to silence: machine, monitor and controller as three processes in real time."""
     from services.demo import run_demo
-    from services.recording_file import McapRecorder
+    from services.recording_writer import McapRecorder
 
     config, used = _announced(case, seed, arm_after_s, as_json)
     folder = writable_folder(out or pathlib.Path("runs") / config.name) or pathlib.Path()
@@ -152,7 +152,7 @@ def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: fl
 def _record(case: Case, seed: int, tape: Tape, path: pathlib.Path) -> pathlib.Path:
     """Write what was said in lockstep, stamped with the time of the samples."""
     from services.nodes.recorder import RecorderNode
-    from services.recording_file import McapRecorder
+    from services.recording_writer import McapRecorder
 
     with McapRecorder(path, _metadata(case, seed, "samples")) as recorder:
         node = RecorderNode(recorder, "", case.settings.sample_rate_hz)
@@ -164,7 +164,7 @@ def _record(case: Case, seed: int, tape: Tape, path: pathlib.Path) -> pathlib.Pa
 
 
 def _metadata(case: Case, seed: int, clock: Literal["wall", "samples"]) -> dict[str, str]:
-    from services.recording_file import run_metadata
+    from services.recording_writer import run_metadata
     from services.tape import versions
 
     release = versions()["antiphase"]

@@ -1,6 +1,18 @@
 """Importing this module registers every verb."""
 
-from services.cli import analysis, bench, charts, estimators, loop, recordings, reproduce, services, sweep, upkeep
+from services.cli import (
+    analysis,
+    bench,
+    charts,
+    estimators,
+    loop,
+    recorder,
+    recordings,
+    reproduce,
+    services,
+    sweep,
+    upkeep,
+)
 
 __all__ = [
     "analysis",
@@ -8,6 +20,7 @@ __all__ = [
     "charts",
     "estimators",
     "loop",
+    "recorder",
     "recordings",
     "reproduce",
     "services",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from services.messages import TOPICS, Event, Message
-from services.recording_file import McapRecorder
+from services.recording_writer import McapRecorder
 
 SOURCE = "recorder"
 _INDICES = ("first_sample", "sample", "issued_sample")

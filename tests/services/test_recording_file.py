@@ -17,10 +17,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from services import recording_file
-from services.errors import InputError
+from services import recording_file, recording_writer
+from services.errors import InputError, RefusalError
 from services.messages import TOPICS, Event, Floats, ForceBlock, Message
-from services.recording_file import McapRecorder, RecordingReader, read_messages, read_metadata, run_metadata
+from services.recording_file import RecordingReader, read_messages, read_metadata
+from services.recording_writer import McapRecorder, run_metadata
 from services.wire import encode, encoding_of, topic_of
 
 METADATA = run_metadata(case="c", seed=3, run="r", config='{"case": {}}', digest="d", version="1.2.3", clock="wall")
@@ -235,7 +236,7 @@ class SlowFile(io.BytesIO):
 @pytest.fixture
 def slow(monkeypatch):
     file = SlowFile()
-    monkeypatch.setattr(recording_file, "open_file", lambda _: file)
+    monkeypatch.setattr(recording_writer, "open_file", lambda *_: file)
     yield file
     file.go.set()
 
@@ -289,6 +290,32 @@ def test_a_disk_that_is_full_from_the_start_is_said_at_once():
         McapRecorder(pathlib.Path("/dev/full"), METADATA)
 
 
+def test_one_file_has_one_writer_and_a_recording_is_kept(tmp_path):
+    path = tmp_path / "run.mcap"
+    with McapRecorder(path, METADATA, new=True) as recorder:
+        recorder.record(message_of(Event, 1), 0)
+        for new in (True, False):
+            with pytest.raises(RefusalError, match=r"another recorder is writing .*run\.mcap"):
+                McapRecorder(path, METADATA, new=new)
+    with pytest.raises(InputError, match="out must be a new file"):
+        McapRecorder(path, METADATA, new=True)
+    assert sequences(path)["event"] == [1]
+    with McapRecorder(path, METADATA):
+        pass
+    assert sequences(path)["event"] == []
+
+
+def test_what_is_told_later_is_added_to_what_was_run(tmp_path):
+    path = tmp_path / "run.mcap"
+    with McapRecorder(path, METADATA | {"run": "", "config": "", "case": ""}) as recorder:
+        recorder.record(message_of(Event, 1), 0)
+        recorder.describe({"run": "r"})
+        recorder.describe({"run": "r", "config": "{}", "case": "c"})
+        recorder.describe({"run": "later", "config": "{1}", "case": "d"})
+        recorder.record(message_of(Event, 2), 0)
+    assert read_metadata(path) == METADATA | {"config": "{}"}
+
+
 def test_a_time_that_no_file_can_hold_is_the_callers_mistake(tmp_path):
     with McapRecorder(tmp_path / "run.mcap", METADATA) as recorder, pytest.raises(ValueError, match="log_time_ns"):
         recorder.record(message_of(Event, 0), -1)
@@ -297,7 +324,7 @@ def test_a_time_that_no_file_can_hold_is_the_callers_mistake(tmp_path):
 WRITER = """
 import pathlib, sys, time
 from services.messages import TOPICS
-from services.recording_file import McapRecorder
+from services.recording_writer import McapRecorder
 from tests.services.test_recording_file import METADATA, message_of
 recorder = McapRecorder(pathlib.Path(sys.argv[1]), METADATA)
 start, number = time.monotonic(), 0

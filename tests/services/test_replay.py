@@ -11,7 +11,8 @@ from services.config import load_case
 from services.errors import InputError
 from services.messages import ChatterReport, Event, ForceBlock, SampleBlock, TurretCommand
 from services.nodes.recorder import RecorderNode
-from services.recording_file import McapRecorder, RecordingReader, run_metadata
+from services.recording_file import RecordingReader
+from services.recording_writer import McapRecorder, run_metadata
 from services.replay import case_of, replay, run_of
 from services.tape import Tape
 from services.wire import encode
