@@ -12,7 +12,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-FORMAT_VERSION = 1
+FORMAT_VERSION, FORMAT_MINOR = 1, 1
+"""Of all messages. A newer minor one only adds fields, which older programs ignore; another major one is refused."""
 BLOCK_S = 0.010
 """Length of a block (s): the grid of all messages, anchored at sample 0."""
 
@@ -21,13 +22,14 @@ GuardState = Literal["OFF", "ARMED", "ACTIVE", "HOLDING", "RETURNING", "FAULT"]
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True):
-    """What every message carries: who sent it, in which run, and which message caused it."""
+    """What every message carries: who sent it, in which run, which message caused it, and the version of its format."""
 
     run: str
     source: str
     sequence: int
     cause: int = -1
     version: int = FORMAT_VERSION
+    minor: int = FORMAT_MINOR
 
 
 class Tick(msgspec.Struct, frozen=True):

@@ -26,6 +26,8 @@ from services.tape import Tape
 SOURCES = (monitor.SOURCE, controller.SOURCE)
 """Who speaks anew in a replay; everybody else is quoted."""
 MOST_EXAMPLES = 20
+FORMAT = ("version", "minor")
+"""Fields that tell the version of a message and not what it says."""
 LAG_S = 1.0
 """What was said of a block stands in the file at most so far behind it."""
 
@@ -252,7 +254,7 @@ def compare(then: Iterable[Message], now: Iterable[Message]) -> Comparison:
 
 def _see(found: Comparison, name: str, then: Message, now: Message) -> None:
     found.compared[name] += 1
-    pairs = {key: (getattr(then, key), getattr(now, key)) for key in now.__struct_fields__}
+    pairs = {key: (getattr(then, key), getattr(now, key)) for key in now.__struct_fields__ if key not in FORMAT}
     words = [f"{key} {_short(a)} then, {_short(b)} now" for key, (a, b) in pairs.items() if not _equal(a, b)]
     if words:
         found.different[name] += 1

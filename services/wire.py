@@ -6,7 +6,8 @@ in `antiphase.proto`. Samples may be NaN or infinite (a sensor that failed); oth
 say NaN: a number that is not finite goes out as `null`, which reads as None where the type allows None and is a
 `DecodeError` where it does not. So a `TurretCommand` with `shift_deg` NaN reaches no machine.
 
-Fields and channels that the receiver does not know are ignored; what it needs and does not find is an error.
+Fields and channels that the receiver does not know are ignored; what it needs and does not find is an error. So a
+message of a newer minor version is read as far as it is known, and one without a minor version is of minor version 0.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import google.protobuf.message
 import msgspec
 import numpy as np
 
-from services.messages import FORMAT_VERSION, TOPICS, Floats, GuardState, Message
+from services.messages import FORMAT_MINOR, FORMAT_VERSION, TOPICS, Floats, GuardState, Message
 from services.schemas import antiphase_pb2
 
 pb: Any = antiphase_pb2
@@ -29,6 +30,8 @@ MOST_BYTES = 4 << 20
 """Longest payload that is looked at: more than five seconds of the longest block."""
 MOST_JSON_BYTES = 1 << 18
 INT64 = range(-(2**63), 2**63)
+_LATER = "minor"
+"""Field that a block of minor version 0 lacks."""
 GUARD_STATES: dict[int, str] = {pb.GuardState.Value(f"GUARD_STATE_{name}"): name for name in get_args(GuardState)}
 GUARD_NUMBERS = {name: number for number, name in GUARD_STATES.items()}
 
@@ -53,6 +56,7 @@ class _Codec(Protocol):
 
 class _Header(msgspec.Struct):
     version: int
+    minor: int = 0
 
 
 class _JsonCodec:
@@ -73,7 +77,8 @@ class _JsonCodec:
         if len(payload) > MOST_JSON_BYTES:
             raise DecodeError(f"{self._name} has {len(payload)} bytes, at most {MOST_JSON_BYTES} are read")
         try:
-            _check_version(self._name, self._header.decode(payload).version)
+            header = self._header.decode(payload)
+            _check_version(self._name, header.version, header.minor)
             message = self._decoder.decode(payload)
         except DecodeError:
             raise
@@ -81,7 +86,7 @@ class _JsonCodec:
             raise DecodeError(f"{self._name} cannot be read: {error}") from error
         if not all(number in INT64 for number in self._integers(message)):
             raise DecodeError(f"{self._name} holds an integer of more than 64 bits")
-        return message
+        return message if message.minor == header.minor else msgspec.structs.replace(message, minor=header.minor)
 
 
 class _BlockCodec:
@@ -95,11 +100,17 @@ class _BlockCodec:
         self._guarded = any(f.type == GuardState for f in fields)
         self._plain = tuple(f.name for f in fields if f.type not in (Floats, GuardState))
         self._names = (*self._plain, *self._channels)
-        self._needed = (*self._plain, *(("guard_state",) if self._guarded else ()))
+        self._rest = tuple(name for name in self._plain if name != _LATER)
+        self._needed = (*self._rest, *(("guard_state",) if self._guarded else ()))
         self._of_arrays, self._of_plain = attrgetter(*self._channels), attrgetter(*self._plain)
+        self._of_rest = attrgetter(*self._rest)
         floats = [self._plain.index(f.name) for f in fields if f.type is float]
         self._floats = itemgetter(*floats, *floats[:1])  # one twice, so that the answer is a tuple in any case
-        self._head: bytes = envelope(channels=self._channels).SerializeToString()
+        self._head = self._begin(FORMAT_MINOR)
+
+    def _begin(self, minor: int) -> bytes:
+        """Return what a block begins with: the minor version must not end it, where a cut would not be noticed."""
+        return self._envelope(channels=self._channels, minor=minor).SerializeToString()
 
     def encode(self, message: Any) -> bytes:
         arrays = self._of_arrays(message)
@@ -113,11 +124,12 @@ class _BlockCodec:
         envelope = self._envelope(
             samples_per_channel=table.size // len(arrays),
             samples=table.tobytes(),
-            **dict(zip(self._plain, self._of_plain(message), strict=True)),
+            **dict(zip(self._rest, self._of_rest(message), strict=True)),
         )
         if self._guarded:
             envelope.guard_state = GUARD_NUMBERS[message.guard_state]
-        return self._head + envelope.SerializeToString()
+        head = self._head if message.minor == FORMAT_MINOR else self._begin(message.minor)
+        return head + envelope.SerializeToString()
 
     def decode(self, payload: bytes) -> Any:
         if len(payload) > MOST_BYTES:
@@ -126,7 +138,7 @@ class _BlockCodec:
             envelope = self._envelope.FromString(payload)
         except google.protobuf.message.DecodeError as error:
             raise DecodeError(f"{self._name} cannot be read: {error}") from error
-        _check_version(self._name, envelope.version)
+        _check_version(self._name, envelope.version, envelope.minor)
         if not all(map(envelope.HasField, self._needed)):
             raise DecodeError(f"{self._name} lacks {next(n for n in self._needed if not envelope.HasField(n))}")
         plain = self._of_plain(envelope)
@@ -164,9 +176,14 @@ def _plain(value: object) -> object:
     raise TypeError(f"a message must hold plain values, got {type(value).__name__}")
 
 
-def _check_version(name: str, version: int) -> None:
+def _check_version(name: str, version: int, minor: int) -> None:
     if version != FORMAT_VERSION:
-        raise DecodeError(f"{name} is of format version {version}, this program reads version {FORMAT_VERSION}")
+        raise DecodeError(
+            f"{name} is of format version {version}.{minor}, this program reads version "
+            f"{FORMAT_VERSION}.{FORMAT_MINOR} and every other {FORMAT_VERSION}.x"
+        )
+    if minor < 0:
+        raise DecodeError(f"{name} is of format version {version}.{minor}, which does not exist")
 
 
 def _codec(kind: type[Message]) -> _Codec:

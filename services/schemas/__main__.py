@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from services.messages import FORMAT_VERSION, TOPICS, Message
+from services.messages import FORMAT_MINOR, FORMAT_VERSION, TOPICS, Message
 from services.wire import encoding_of
 
 FOLDER = pathlib.Path(__file__).resolve().parent
@@ -39,11 +39,14 @@ def _schema(kind: type[Message]) -> dict[str, Any]:
     """Return the schema of one type; its version is fixed and must be there, and enumerations say their type."""
     schema: dict[str, Any] = msgspec.json.schema(kind)["$defs"][kind.__name__]
     schema["properties"]["version"] = {"type": "integer", "const": FORMAT_VERSION}
+    schema["properties"]["minor"] = {"type": "integer", "minimum": 0, "default": 0}
     for rule in schema["properties"].values():
         if "enum" in rule:
             rule["type"] = "string"
     schema["required"] = ["version", *schema["required"]]
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"antiphase.{kind.__name__}", **schema}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"antiphase.{kind.__name__}",
+            "$comment": f"format version {FORMAT_VERSION}.{FORMAT_MINOR}; a newer minor version only adds properties",
+            **schema}  # fmt: skip
 
 
 def main() -> None:

@@ -39,7 +39,7 @@ def message_of(kind: type[Message], number: int) -> Message:
         if field.type == Floats
         else plain[field.type]
         for field in msgspec.structs.fields(kind)
-        if field.name != "version"
+        if field.name not in ("version", "minor")
     }
     return kind(**given)
 

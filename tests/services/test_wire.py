@@ -15,7 +15,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from services.messages import FORMAT_VERSION, TOPICS, Event, Floats, ForceBlock, GuardState, SampleBlock, TurretCommand
+from services.messages import (
+    FORMAT_MINOR,
+    FORMAT_VERSION,
+    TOPICS,
+    Event,
+    Floats,
+    ForceBlock,
+    GuardState,
+    SampleBlock,
+    TurretCommand,
+)
 from services.schemas import antiphase_pb2 as pb
 from services.schemas.__main__ import compile_proto, json_schemas
 from services.wire import DecodeError, decode, encode, encoding_of, key, topic_of
@@ -23,6 +33,7 @@ from services.wire import DecodeError, decode, encode, encoding_of, key, topic_o
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 KINDS = list(TOPICS.values())
 INT64 = st.integers(-(2**63), 2**63 - 1)
+FORMAT = ("version", "minor")
 HEADER = {"run": "run", "source": "test", "sequence": 7, "cause": 6}
 
 
@@ -57,7 +68,7 @@ def messages(draw, kinds=KINDS):
     drawn = {
         name: draw(special if annotation == Floats else values_of(annotation))
         for name, annotation in fields(kind).items()
-        if name != "version"
+        if name not in FORMAT
     }
     return kind(**drawn)
 
@@ -80,7 +91,7 @@ def example(kind):
     given = {
         name: known[name] if name in known else np.arange(4.0) + number if annotation == Floats else plain[annotation]
         for number, (name, annotation) in enumerate(fields(kind).items())
-        if name != "version"
+        if name not in FORMAT
     }
     return kind(**given)
 
@@ -173,12 +184,55 @@ def test_no_message_passes_for_another(kind, other):
 
 @pytest.mark.parametrize("version", [0, 2, 4_000_000_000])
 @pytest.mark.parametrize("kind", KINDS)
-def test_another_version_is_refused_naming_both(kind, version):
-    payload = encode(msgspec.structs.replace(example(kind), version=version))
-    with pytest.raises(
-        DecodeError, match=rf"{kind.__name__} is of format version {version}, .* version {FORMAT_VERSION}"
-    ):
+def test_another_major_version_is_refused_naming_both(kind, version):
+    payload = encode(msgspec.structs.replace(example(kind), version=version, minor=7))
+    ours = rf"version {FORMAT_VERSION}\.{FORMAT_MINOR}"
+    with pytest.raises(DecodeError, match=rf"{kind.__name__} is of format version {version}\.7, .* reads {ours}"):
         decode(kind, payload)
+
+
+@pytest.mark.parametrize("kind", STATES)
+def test_a_newer_minor_version_is_read_and_what_it_adds_is_ignored_in_json(kind):
+    newer = msgspec.structs.replace(example(kind), minor=FORMAT_MINOR + 1)
+    payload = encode(newer)[:-1] + b',"colour":{"of":["what","nobody",1,null]}}'
+    assert bits(decode(kind, payload)) == bits(newer)
+
+
+@pytest.mark.parametrize("kind", BLOCKS)
+def test_a_newer_minor_version_is_read_and_what_it_adds_is_ignored_in_protobuf(kind):
+    newer = msgspec.structs.replace(example(kind), minor=FORMAT_MINOR + 1)
+    number, text, varint = 1000, 2, 0  # field 1000 as a string, field 1001 as a number: by the published wire format
+    added = bytes([*_varint(number << 3 | text), 3, *b"new", *_varint((number + 1) << 3 | varint), 9])
+    assert bits(decode(kind, encode(newer) + added)) == bits(newer)
+
+
+def _varint(value):
+    return [value & 0x7F | 0x80, value >> 7]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_message_without_a_minor_version_is_of_minor_version_0(kind):
+    message = msgspec.structs.replace(example(kind), minor=0)
+    if kind in BLOCKS:
+        envelope = getattr(pb, kind.__name__).FromString(encode(message))
+        envelope.ClearField("minor")
+        payload = envelope.SerializeToString()
+    else:
+        payload = encode(message).replace(b'"minor":0,', b"")
+        assert b"minor" not in payload
+    assert bits(decode(kind, payload)) == bits(message)
+
+
+@pytest.mark.parametrize("kind", STATES)
+def test_a_negative_minor_version_does_not_exist(kind):
+    with pytest.raises(DecodeError, match=r"version 1\.-1, which does not exist"):
+        decode(kind, encode(msgspec.structs.replace(example(kind), minor=-1)))
+
+
+def test_the_published_schemas_tell_the_version():
+    version = f"ormat version {FORMAT_VERSION}.{FORMAT_MINOR}"
+    assert version in (ROOT / "services/schemas/antiphase.proto").read_text()
+    assert all(version in text for text in json_schemas().values())
 
 
 @pytest.mark.parametrize("kind", STATES)
@@ -191,7 +245,7 @@ def test_version_is_judged_before_the_rest(kind):
 
 @pytest.mark.parametrize("kind", BLOCKS)
 def test_a_block_that_lacks_a_field_is_refused(kind):
-    needed = [name for name, annotation in fields(kind).items() if annotation != Floats]
+    needed = [name for name, annotation in fields(kind).items() if annotation != Floats and name != "minor"]
     for name in needed:
         envelope = getattr(pb, kind.__name__).FromString(encode(example(kind)))
         envelope.ClearField(name)
@@ -323,7 +377,7 @@ def test_proto_and_message_type_have_the_same_fields(kind):
     cpp = {int: (2, 3), float: (5,), bool: (7,), str: (9,), GuardState: (8,)}
     for name, annotation in plain.items():
         field = described[name]
-        assert field.cpp_type in (*cpp[annotation], *((3,) if name == "version" else ())), name
+        assert field.cpp_type in (*cpp[annotation], *((3,) if name in FORMAT else ())), name
         assert field.has_presence, name
     assert {described[name].number for name in fields(kind) if name in described}.isdisjoint({8, 9, 10})
 
