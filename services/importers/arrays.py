@@ -114,7 +114,10 @@ def recording_of(source: str, contents: Contents, rate_hz: float | None, wanted:
         notes.append(f"{missing} of {len(samples)} samples are not finite numbers and count as gaps")
     names = tuple(column.name for column in group)
     units = tuple(column.unit for column in group)
-    return Recording(source=source, rate_hz=rate, names=names, units=units, samples=samples, notes=tuple(notes))
+    return Recording(
+        source=source, rate_hz=rate, names=names, units=units, samples=samples, notes=tuple(notes),
+        numbers=dict(contents.numbers),
+    )  # fmt: skip
 
 
 def _columns(name: str, array: np.ndarray, contents: Contents) -> list[_Column]:

@@ -46,6 +46,10 @@ def load_recording(path: pathlib.Path, rate_hz: float | None = None, channels: S
         from services.importers.mat import read_mat
 
         return read_mat(path, rate_hz, channels)
+    from services.importers.lvm import is_lvm, read_lvm
+
+    if is_lvm(head):
+        return read_lvm(path, rate_hz)
     if path.suffix.lower() in _TEXT:
         return read_csv(path, rate_hz)
     raise InputError("file", str(path), f"{_KNOWN} (it begins with {head[:4]!r})")

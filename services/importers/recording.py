@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,6 +27,10 @@ class Recording:
         shape (n, channels); NaN marks a sample that the file does not have.
     notes
         What a user should know before he trusts the result: truncation, gaps, missing values.
+    roles
+        What each channel is: `position`, `thrust`, `hammer` ...; empty as long as nobody has said.
+    numbers
+        Single numbers that the file holds beside its channels: gains, constants.
     """
 
     source: str
@@ -35,6 +39,8 @@ class Recording:
     units: tuple[str, ...]
     samples: Floats
     notes: tuple[str, ...] = ()
+    roles: tuple[str, ...] = ()
+    numbers: Mapping[str, float] = field(default_factory=dict[str, float])
 
     @property
     def duration_s(self) -> float:
@@ -44,7 +50,9 @@ class Recording:
     def only(self, which: Sequence[int]) -> Recording:
         """Return the recording with some of its channels, given by number."""
         names, units = ([words[k] for k in which] for words in (self.names, self.units))
-        return replace(self, names=tuple(names), units=tuple(units), samples=self.samples[:, list(which)])
+        roles = tuple(self.roles[k] for k in which) if self.roles else ()
+        samples = self.samples[:, list(which)]
+        return replace(self, names=tuple(names), units=tuple(units), roles=roles, samples=samples)
 
     def channel(self, wanted: str | None) -> tuple[str, Floats]:
         """Return the name and samples, shape (n,), of a channel given by name or number from 0.
