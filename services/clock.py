@@ -43,5 +43,5 @@ class CpuClock:
 
 
 def utc_now() -> datetime:
-    """Return the date and time of day, to name files and to say when something was done."""
+    """Return the date and time of day, to name files and to check certificates; no decision rests on it."""
     return datetime.now(UTC)

@@ -32,8 +32,18 @@ class Finding:
     detail: str
 
 
-def examine(clock: Clock) -> list[Finding]:
-    """Look at everything; a check that breaks is a finding, not a crash."""
+def examine(clock: Clock, identity: pathlib.Path | None = None, connect: str | None = None) -> list[Finding]:
+    """Look at everything; a check that breaks is a finding, not a crash.
+
+    Parameters
+    ----------
+    clock
+        Monotonic.
+    identity
+        Folder of certificates, whose rights are tried.
+    connect
+        Router on which they are tried; None: one of our own.
+    """
     checks: dict[str, Callable[[], Finding]] = {
         "python": _python,
         "packages": _packages,
@@ -49,8 +59,36 @@ def examine(clock: Clock) -> list[Finding]:
         try:
             found.append(check())
         except Exception as error:  # whatever breaks here is what the user asked about
-            found.append(Finding(name=name, ok=False, detail=f"{type(error).__name__}: {error}"))
-    return found
+            found.append(_broken(name, error))
+    try:
+        return [*found, *_rights(clock, identity, connect)]
+    except Exception as error:
+        return [*found, _broken("access rights", error)]
+
+
+def _broken(name: str, error: Exception) -> Finding:
+    return Finding(name=name, ok=False, detail=f"{type(error).__name__}: {error}")
+
+
+def _rights(clock: Clock, identity: pathlib.Path | None, connect: str | None) -> list[Finding]:
+    if identity is None:
+        open_to = "on plain loopback every program on this computer may say anything; `antiphase certs` closes that"
+        return [Finding(name="access rights", ok=True, detail=open_to)]
+    from services.clock import utc_now
+    from services.security.authority import make_authority
+    from services.security.probe import open_probe, probe, stranger_is_refused
+
+    with open_probe(identity, connect) as endpoint, tempfile.TemporaryDirectory() as rogue:
+        found = [
+            Finding(name=f"rights: {one.role}", ok=one.ok, detail=one.describe())
+            for one in probe(identity, endpoint, clock)
+        ]
+        folder = pathlib.Path(rogue) / "rogue"
+        make_authority(folder, 1, utc_now(), roles=("controller",))
+        (folder / "authority.pem").write_bytes((identity / "authority.pem").read_bytes())
+        refused = stranger_is_refused(folder, endpoint)
+    words = "a certificate of another authority is not let in" if refused else "A ROGUE CERTIFICATE IS LET IN"
+    return [*found, Finding(name="rights: stranger", ok=refused, detail=words)]
 
 
 def _python() -> Finding:

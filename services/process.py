@@ -113,9 +113,17 @@ def command_line(*arguments: str) -> list[str]:
     return python_line("from services.cli.app import main; main()", *arguments)
 
 
-def router_line(endpoint: str) -> list[str]:
-    """Return how to start a process that routes; quicker than `antiphase router`."""
-    return python_line("from services.router import main; sys.exit(main(sys.argv[1]))", endpoint)
+def router_line(endpoint: str, identity: str = "") -> list[str]:
+    """Return how to start a process that routes; quicker than `antiphase router`.
+
+    Parameters
+    ----------
+    endpoint
+        Where it listens.
+    identity
+        Folder of certificates, empty without.
+    """
+    return python_line("from services.router import main; sys.exit(main(*sys.argv[1:]))", endpoint, identity)
 
 
 def python_line(code: str, *arguments: str) -> list[str]:

@@ -8,14 +8,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from services.children import Child, end_all, private_folder
-from services.clock import Clock
+from services.clock import Clock, utc_now
 from services.errors import InputError, RefusalError
 from services.node import Say
 from services.process import Stopped, StopSignal, command_line, router_line
+from services.security.identity import load_identity
 from services.zenoh_bus import ZenohBus
 
 FOLLOWERS = ("monitor", "controller")
 SERVICES = ("machine", *FOLLOWERS)
+WATCHER = "watch"
+"""Identity of the keeper itself: it only looks at who is alive."""
 TICK_S = 0.01
 START_S = 60.0
 """How long a process may take until it shows a sign of life."""
@@ -42,6 +45,8 @@ class Plan:
         When the machine arms its guard by itself (s); None: when the operator asks.
     lasts
         Options of `machine` that say how long it goes on.
+    identity
+        Folder of certificates; without one only this computer reaches the bus.
     """
 
     case: str
@@ -49,11 +54,17 @@ class Plan:
     seed: int
     arm_after_s: float | None = None
     lasts: tuple[str, ...] = ()
+    identity: pathlib.Path | None = None
 
     def line(self, service: str, endpoint: str, *more: str) -> list[str]:
         """Return how to start a service that connects to `endpoint`."""
         common = ("--machine", self.machine, "--connect", endpoint, "--json", "--child")
-        return command_line(service, self.case, *common, *more)
+        proof = () if self.identity is None else ("--identity", str(self.identity))
+        return command_line(service, self.case, *common, *proof, *more)
+
+    def router_line(self, endpoint: str) -> list[str]:
+        """Return how to start the router."""
+        return router_line(endpoint, "" if self.identity is None else str(self.identity))
 
     def machine_line(self, endpoint: str, *more: str) -> list[str]:
         """Return how to start the machine."""
@@ -104,7 +115,7 @@ class Keeper:
 
     def open_router(self, listen: str) -> str:
         """Start the router and return where it is."""
-        self._router = self._new("router", router_line(listen))
+        self._router = self._new("router", self._plan.router_line(listen))
         until = self._clock.now() + START_S
         while self._clock.now() < until:
             said = self._router.said()
@@ -154,7 +165,7 @@ class Keeper:
             self._linked_since = now
         if self._router is not None and (code := self._router.ended()) is not None:
             self._died("router", code, self._router_deaths, now)
-            self._router = self._new("router", router_line(self.endpoint))
+            self._router = self._new("router", self._plan.router_line(self.endpoint))
             self._say(f"up: router is alive (process {self._router.pid}) at {self.endpoint}")
         for name, service in self.services.items():
             code = service.child.ended()
@@ -229,7 +240,8 @@ def keep_up(plan: Plan, listen: str, *, stop: StopSignal, clock: Clock, say: Say
         stopped = False
         try:
             endpoint = keeper.open_router(listen)
-            with ZenohBus.client(plan.machine, endpoint, stop.check) as bus:
+            identity = None if plan.identity is None else load_identity(plan.identity, WATCHER, utc_now())
+            with ZenohBus.client(plan.machine, endpoint, stop.check, identity) as bus:
                 _watch_over(keeper, bus, stop, clock)
         except Stopped:
             stopped = True

@@ -20,9 +20,12 @@ from zenoh import ext
 from services.clock import WallClock
 from services.errors import InputError, RefusalError
 from services.messages import TOPICS, Event, Message, SampleBlock
+from services.security.endpoints import check_private, check_proof, refuse_stranger
+from services.security.identity import Identity
 from services.wire import decode, encode, encoding_of, topic_of
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
+SECURE_ENDPOINT = "tls/127.0.0.1:7447"
 LEASE_MS = 500
 """A peer that is silent for so long is gone."""
 RECOVERY_MS = 200
@@ -38,6 +41,7 @@ MOST_BYTES = 4 << 20
 """Longest message that a link carries; the sender of a longer one is disconnected."""
 _ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream)/[^#?,;\s]+")
 _RETRY = "#retry_period_init_ms=100;retry_period_max_ms=200"
+start_log = zenoh.init_log_from_env_or
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
@@ -67,18 +71,28 @@ def check_endpoint(field: str, endpoint: str) -> str:
     return endpoint
 
 
-def open_router(endpoint: str) -> tuple[zenoh.Session, str]:
-    """Return a session that routes for others, and where it listens (port 0: one that was free)."""
-    check_endpoint("listen", endpoint)
+def open_router(endpoint: str, identity: Identity | None = None) -> tuple[zenoh.Session, str]:
+    """Return a session that routes for others, and where it listens (port 0: one that was free).
+
+    Parameters
+    ----------
+    endpoint
+        Where to listen: on this computer alone, or anywhere with an identity.
+    identity
+        Who this is; then nobody gets in without a certificate, and each has the rights of its role only.
+    """
+    check_private(check_endpoint("listen", endpoint), identity)
     try:
-        session = zenoh.open(_config("router", listen=[endpoint]))
+        session = zenoh.open(_config("router", listen=[endpoint], identity=identity))
     except zenoh.ZError as error:
         rule = "a free endpoint" if "in use" in str(error) else "an endpoint to listen on"
         raise InputError("listen", endpoint, f"{rule} ({_short(error)})") from error
     return session, _locator(session) if endpoint.endswith(":0") else endpoint
 
 
-def open_client(endpoint: str, patience: Callable[[], None] | None = None) -> zenoh.Session:
+def open_client(
+    endpoint: str, patience: Callable[[], None] | None = None, identity: Identity | None = None
+) -> zenoh.Session:
     """Return a session behind a router.
 
     Parameters
@@ -88,16 +102,20 @@ def open_client(endpoint: str, patience: Callable[[], None] | None = None) -> ze
     patience
         Called whenever nobody answers, at most every 100 ms; raises when it is time to give up. Without it, nobody
         is waited for longer than a second.
+    identity
+        Who this is, for an endpoint that asks for it.
     """
-    check_endpoint("connect", endpoint)
+    check_proof("connect", check_endpoint("connect", endpoint), identity)
     clock = WallClock()
     until = clock.now() + 1.0
     while True:
         try:
-            return zenoh.open(_config("client", connect=[endpoint + _RETRY]))
+            return zenoh.open(_config("client", connect=[endpoint + _RETRY], identity=identity))
         except zenoh.ZError as error:
             if "Unable to connect" not in str(error):
                 raise InputError("connect", endpoint, f"an endpoint to connect to ({_short(error)})") from error
+            if identity is not None:
+                refuse_stranger(endpoint, identity)
             if patience is not None:
                 patience()
             elif clock.now() > until:
@@ -110,7 +128,13 @@ def fifo(depth: int = DEPTH) -> Any:
     return zenoh.handlers.FifoChannel(depth)
 
 
-def _config(mode: str, *, listen: list[str] | None = None, connect: list[str] | None = None) -> zenoh.Config:
+def _config(
+    mode: str,
+    *,
+    listen: list[str] | None = None,
+    connect: list[str] | None = None,
+    identity: Identity | None = None,
+) -> zenoh.Config:
     config = zenoh.Config()
     values: dict[str, Any] = {
         "mode": mode,
@@ -128,6 +152,7 @@ def _config(mode: str, *, listen: list[str] | None = None, connect: list[str] | 
         "transport/link/tx/queue/size/data": 16,
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
         "transport/link/rx/max_message_size": MOST_BYTES,
+        **(identity.settings(routes=mode == "router") if identity else {}),
     }
     for name, value in values.items():
         config.insert_json5(name, json.dumps(value))
@@ -256,17 +281,19 @@ class ZenohBus:
         self._config: Any = None
 
     @classmethod
-    def router(cls, machine: str, endpoint: str) -> Self:
+    def router(cls, machine: str, endpoint: str, identity: Identity | None = None) -> Self:
         """Return a bus whose session routes for others."""
         check_machine(machine)
-        session, locator = open_router(endpoint)
+        session, locator = open_router(endpoint, identity)
         return cls(session, machine, locator)
 
     @classmethod
-    def client(cls, machine: str, endpoint: str, patience: Callable[[], None] | None = None) -> Self:
-        """Return a bus behind a router; `patience` as in `open_client`."""
+    def client(
+        cls, machine: str, endpoint: str, patience: Callable[[], None] | None = None, identity: Identity | None = None
+    ) -> Self:
+        """Return a bus behind a router; `patience` and `identity` as in `open_client`."""
         check_machine(machine)
-        return cls(open_client(endpoint, patience), machine, endpoint)
+        return cls(open_client(endpoint, patience, identity), machine, endpoint)
 
     def __enter__(self) -> Self:
         return self

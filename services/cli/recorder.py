@@ -12,7 +12,7 @@ import typer
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from services.cli.app import JsonFlag, app, console, emit, positive
-from services.cli.services import Child, Connect, on_bus, say
+from services.cli.services import Child, Connect, IdentityDir, known_as, on_bus, say
 from services.clock import WallClock, utc_now
 from services.errors import InputError
 from services.process import Parent, Stopped, StopSignal
@@ -31,6 +31,7 @@ def record(
     duration_s: Annotated[
         float | None, typer.Option("--duration-s", help="How long (s); default: until stopped.")
     ] = None,
+    identity: IdentityDir = None,
     as_json: JsonFlag = False,
     child: Child = False,
 ) -> int:
@@ -42,7 +43,7 @@ def record(
         if child:
             Parent()
         try:
-            with on_bus(machine, connect, None, stop) as bus:
+            with on_bus(machine, connect, None, stop, known_as("recorder", identity)) as bus:
                 answer = _record(bus, file_for(out, machine), stop, until_s)
         except Stopped:  # before there was anything to record
             say("stopped")

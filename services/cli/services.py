@@ -5,20 +5,22 @@ from __future__ import annotations
 import pathlib
 import uuid
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from typing import Annotated, Any
 
 import typer
 
 from services.bus import Node
 from services.cli.app import JsonFlag, Seed, app, console, emit, positive, require
-from services.clock import WallClock
+from services.clock import WallClock, utc_now
 from services.config import Case, load_case
 from services.doubts import doubts_of, notes, refusing
 from services.errors import InputError, RefusalError
 from services.messages import Event
 from services.process import Parent, Stopped, StopSignal, end_within
-from services.zenoh_bus import DEFAULT_ENDPOINT, ZenohBus, check_endpoint, check_machine
+from services.security.identity import Identity, load_identity
+from services.security.rights import ROUTER
+from services.zenoh_bus import DEFAULT_ENDPOINT, SECURE_ENDPOINT, ZenohBus, check_endpoint, check_machine
 
 CaseName = Annotated[str, typer.Argument(help="Name of a shipped case, or path of a TOML file.")]
 Connect = Annotated[
@@ -29,6 +31,10 @@ Listen = Annotated[
     str | None, typer.Option("--listen", help="Hold the router here instead of connecting to one; port 0: a free one.")
 ]
 MachineName = Annotated[str | None, typer.Option("--machine", help="Name of the machine (default: the case's).")]
+IdentityDir = Annotated[
+    pathlib.Path | None,
+    typer.Option("--identity", help="Folder of certificates (`antiphase certs`); the bus is then at tls/HOST:PORT."),
+]
 ArmAfter = Annotated[
     float | None,
     typer.Option("--arm-after-s", help="Arm the guard this long after the start (s); default: OFF until asked."),
@@ -45,21 +51,35 @@ def say(text: str) -> None:
 
 
 @contextmanager
-def on_bus(machine: str, connect: str | None, listen: str | None, stop: StopSignal) -> Generator[ZenohBus]:
+def on_bus(
+    machine: str, connect: str | None, listen: str | None, stop: StopSignal, identity: Identity | None = None
+) -> Generator[ZenohBus]:
     """Open a bus, and close it whatever happens; closing may not hang."""
     if listen is not None and connect is not None:
         raise InputError("listen", listen, "left out when --connect is given: one router is enough")
+    if listen is not None and identity is not None:
+        raise InputError("listen", listen, "left out with --identity: let `antiphase router` listen, it tells refusals")
     if listen is not None:
         bus = ZenohBus.router(machine, listen)
     else:
-        endpoint = connect or DEFAULT_ENDPOINT
-        bus = ZenohBus.client(machine, endpoint, _patience(endpoint, stop))
+        endpoint = connect or home(identity)
+        bus = ZenohBus.client(machine, endpoint, _patience(endpoint, stop), identity)
     try:
         yield bus
     finally:
         deadline = end_within(CLOSING_S, 1)
         bus.close()
         deadline.cancel()
+
+
+def home(identity: Identity | None) -> str:
+    """Return where the router is when nobody says so."""
+    return DEFAULT_ENDPOINT if identity is None else SECURE_ENDPOINT
+
+
+def known_as(role: str, folder: pathlib.Path | None) -> Identity | None:
+    """Return the identity of a role from a folder of certificates, None without one."""
+    return None if folder is None else load_identity(folder, role, utc_now())
 
 
 def _patience(endpoint: str, stop: StopSignal) -> Callable[[], None]:
@@ -90,6 +110,7 @@ def machine(
         pathlib.Path | None, typer.Option("--event-log", help="File to which every event is appended, for the audit.")
     ] = None,
     wait_s: Annotated[float, typer.Option("--wait-s", help="How long to wait for monitor and controller (s).")] = 120.0,
+    identity: IdentityDir = None,
     as_json: JsonFlag = False,
     child: Child = False,
     latencies: Annotated[bool, typer.Option("--latencies", hidden=True, help="Every latency in the JSON.")] = False,
@@ -112,8 +133,9 @@ def machine(
     with StopSignal() as stop, _stoppable():
         if child:
             Parent()
-        where = listen or (None if connect else DEFAULT_ENDPOINT)
-        with on_bus(check_machine(name or config.settings.machine), connect, where, stop) as bus:
+        known = known_as("machine", identity)
+        where = listen or (None if connect or known else DEFAULT_ENDPOINT)
+        with on_bus(check_machine(name or config.settings.machine), connect, where, stop, known) as bus:
             bus.serve_config(config.text)
             say("\n".join(("limits of the guard:", *config.limits.describe())) + notes(doubts_of(config)))
             if arm_after_s is None:
@@ -150,6 +172,7 @@ def monitor(
     connect: Connect = None,
     listen: Listen = None,
     name: MachineName = None,
+    identity: IdentityDir = None,
     as_json: JsonFlag = False,
     child: Child = False,
     reserve: Reserve = False,
@@ -163,7 +186,11 @@ def monitor(
 
         return MonitorNode(config, run)
 
-    _follow("monitor", config, make, connect, listen, name, as_json=as_json, child=child, reserve=reserve, shelf=shelf)
+    known = known_as("monitor", identity)
+    _follow(
+        "monitor", config, make, connect, listen, name, known, as_json=as_json, child=child, reserve=reserve,
+        shelf=shelf,
+    )  # fmt: skip
 
 
 @app.command()
@@ -172,6 +199,7 @@ def controller(
     connect: Connect = None,
     listen: Listen = None,
     name: MachineName = None,
+    identity: IdentityDir = None,
     as_json: JsonFlag = False,
     child: Child = False,
     reserve: Reserve = False,
@@ -184,7 +212,8 @@ def controller(
 
         return ControllerNode(config, run)
 
-    _follow("controller", config, make, connect, listen, name, as_json=as_json, child=child, reserve=reserve)
+    known = known_as("controller", identity)
+    _follow("controller", config, make, connect, listen, name, known, as_json=as_json, child=child, reserve=reserve)
 
 
 def _follow(
@@ -194,6 +223,7 @@ def _follow(
     connect: str | None,
     listen: str | None,
     name: str | None,
+    identity: Identity | None,
     *,
     as_json: bool,
     child: bool,
@@ -210,7 +240,7 @@ def _follow(
             make("").prepare()
             with stop.waiting():
                 parent.wait()
-        with on_bus(check_machine(name or config.settings.machine), connect, listen, stop) as bus:
+        with on_bus(check_machine(name or config.settings.machine), connect, listen, stop, identity) as bus:
             kept = Shelf(shelf) if shelf else None
             answer |= run_node(service, make, bus, clock=WallClock(), stop=stop, say=say, shelf=kept)
     emit(answer, _words(answer), as_json)
@@ -231,15 +261,24 @@ def _words(answer: dict[str, Any]) -> str:
 
 @app.command()
 def router(
-    listen: Annotated[str, typer.Option("--listen", help="Where; port 0 takes a free one.")] = DEFAULT_ENDPOINT,
+    listen: Annotated[
+        str | None, typer.Option("--listen", help=f"Where; port 0 takes a free one (default: {DEFAULT_ENDPOINT}).")
+    ] = None,
+    identity: IdentityDir = None,
     as_json: JsonFlag = False,
     child: Child = False,
 ) -> None:
     """Hold the router alone, until stopped: then machine, monitor and controller may come and go in any order."""
-    from services.router import hold
+    from services.router import guarded, hold
 
     with StopSignal() as stop, _stoppable():
-        hold(listen, stop, child=child, ready=lambda where: emit({"endpoint": where}, f"router at {where}", as_json))
+        known, out = guarded(identity, lambda text: say(f"refused: {text}"))
+
+        def ready(where: str) -> None:
+            with redirect_stdout(out):
+                emit({"endpoint": where}, f"router at {where}", as_json)
+
+        hold(listen or home(known), stop, child=child, ready=ready, identity=known)
 
 
 @app.command()
@@ -251,6 +290,7 @@ def operator(
         pathlib.Path | None, typer.Option("--event-log", help="File to which every event is appended, for the audit.")
     ] = None,
     wait_s: Annotated[float, typer.Option("--wait-s", help="How long to wait for the machine's answer (s).")] = 3.0,
+    identity: IdentityDir = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Ask something of the guard of a machine, and say what it answers by its state."""
@@ -259,8 +299,9 @@ def operator(
     if request not in REACHED:
         raise InputError("request", request, f"one of {', '.join(REACHED)}")
     positive("wait-s", wait_s, "s")
-    endpoint = check_endpoint("connect", connect or DEFAULT_ENDPOINT)
-    with ZenohBus.client(name, endpoint) as bus:
+    known = known_as("operator", identity)
+    endpoint = check_endpoint("connect", connect or home(known))
+    with ZenohBus.client(name, endpoint, None, known) as bus:
         answer = ask(bus, request, wait_s, WallClock())
     if answer["refused"]:
         raise RefusalError(f"the guard is {answer['guard_state']}: {answer['refused']}", answer)
@@ -278,6 +319,7 @@ def up(
     ] = None,
     forever: Annotated[bool, typer.Option("--forever", help="Until stopped.")] = False,
     arm_after_s: ArmAfter = None,
+    identity: IdentityDir = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Start router, machine, monitor and controller, and start again what dies."""
@@ -293,8 +335,9 @@ def up(
         seed=config.settings.seed if seed is None else seed,
         arm_after_s=arm_after_s,
         lasts=tuple(lasts),
+        identity=identity,
     )
     say(f"{config.name}: {config.settings.title}" + notes(doubts_of(config)))
     with StopSignal() as stop:
-        answer = keep_up(plan, listen or DEFAULT_ENDPOINT, stop=stop, clock=WallClock(), say=say)
+        answer = keep_up(plan, listen or home(known_as(ROUTER, identity)), stop=stop, clock=WallClock(), say=say)
     emit(answer, _words(answer), as_json)
