@@ -81,6 +81,8 @@ class Service:
 
     child: Child
     spare: Child | None = None
+    stands_by: bool = False
+    """Whether the one in reserve has compiled everything."""
     alive: bool = False
     seen: bool = False
     """Whether this process has ever shown a sign of life; until then it is starting, which may take long."""
@@ -179,7 +181,10 @@ class Keeper:
                 self._died(name, code, service.deaths, now)
                 self._replace(name, service, now)
             elif name in FOLLOWERS and self._wants_reserve(service, now):
-                service.spare = self._new(name, self._line(name, "--reserve"))
+                service.spare, service.stands_by = self._new(name, self._line(name, "--reserve")), False
+            elif service.spare is not None and not service.stands_by and service.spare.said().get("stands_by"):
+                service.stands_by = True
+                self._say(f"up: a second {name} stands by (process {service.spare.pid})")
         return False
 
     def _hangs(self, service: Service, now: float) -> bool:

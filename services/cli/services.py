@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pathlib
+import sys
 import uuid
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, redirect_stdout
@@ -238,6 +239,8 @@ def _follow(
         parent = Parent() if child or reserve else None
         if reserve and parent is not None:
             make("").prepare()
+            emit({"service": service, "stands_by": True}, "", True)
+            sys.stdout.flush()
             with stop.waiting():
                 parent.wait()
         with on_bus(check_machine(name or config.settings.machine), connect, listen, stop, identity) as bus:

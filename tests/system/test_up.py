@@ -1,6 +1,5 @@
 """`antiphase up`: what dies is started again, and what is said from outside moves nothing beyond its limits."""
 
-import contextlib
 import math
 import os
 import pathlib
@@ -70,18 +69,16 @@ def up(tmp_path_factory):
 
 
 def reserves(up):
-    """Wait until a second monitor and a second controller stand by."""
-    parent = up.process.pid
+    """Wait until a second monitor and a second controller stand by for those that work now."""
 
     def there():
-        lines = []
-        for path in pathlib.Path("/proc").glob("[0-9]*"):
-            with contextlib.suppress(OSError):
-                if (path / "stat").read_text().rsplit(")", 1)[1].split()[1] == str(parent):
-                    lines.append((path / "cmdline").read_text())
-        return len(lines) >= 6
+        told = up.process.told()
+        return all(
+            told.rfind(f"up: a second {service} stands by") > told.rfind(f"up: {service} ended")
+            for service in ("monitor", "controller")
+        )
 
-    return until(there, 20.0)
+    return until(there)
 
 
 @pytest.mark.parametrize("service", ["monitor", "controller"])
