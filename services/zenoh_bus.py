@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, Self
 import zenoh
 from zenoh import ext
 
+from services.bus_settings import session_settings
 from services.clock import WallClock
 from services.errors import InputError, RefusalError
 from services.messages import TOPICS, Event, Message, SampleBlock
@@ -26,10 +27,6 @@ from services.wire import decode, encode, encoding_of, topic_of
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 SECURE_ENDPOINT = "tls/127.0.0.1:7447"
-LEASE_MS = 500
-"""A peer that is silent for so long is gone."""
-RECOVERY_MS = 200
-"""How long a missing message is waited for."""
 DEPTH = 4096
 """Messages that wait for a node at most: over 10 s of all topics."""
 CACHE: dict[type[Message], int] = {SampleBlock: 400, Event: 100}
@@ -37,8 +34,6 @@ CACHE: dict[type[Message], int] = {SampleBlock: 400, Event: 100}
 FEW = 200
 NEVER: Any = timedelta(days=1)
 """A gap is seen by the message behind it. Asking on a schedule, or by heartbeats, would bring a newcomer the past."""
-MOST_BYTES = 4 << 20
-"""Longest message that a link carries; the sender of a longer one is disconnected."""
 _ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream)/[^#?,;\s]+")
 _RETRY = "#retry_period_init_ms=100;retry_period_max_ms=200"
 start_log = zenoh.init_log_from_env_or
@@ -128,33 +123,9 @@ def fifo(depth: int = DEPTH) -> Any:
     return zenoh.handlers.FifoChannel(depth)
 
 
-def _config(
-    mode: str,
-    *,
-    listen: list[str] | None = None,
-    connect: list[str] | None = None,
-    identity: Identity | None = None,
-) -> zenoh.Config:
+def _config(mode: str, **given: Any) -> zenoh.Config:
     config = zenoh.Config()
-    values: dict[str, Any] = {
-        "mode": mode,
-        "listen/endpoints": listen or [],
-        "connect/endpoints": connect or [],
-        "connect/timeout_ms": 0,
-        "scouting/multicast/enabled": False,
-        "scouting/gossip/enabled": False,
-        "scouting/delay": 0,
-        "adminspace/enabled": True,
-        "timestamping/enabled": True,
-        "queries_default_timeout": RECOVERY_MS,
-        "transport/shared_memory/enabled": False,
-        "transport/link/tx/lease": LEASE_MS,
-        "transport/link/tx/queue/size/data": 16,
-        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
-        "transport/link/rx/max_message_size": MOST_BYTES,
-        **(identity.settings(routes=mode == "router") if identity else {}),
-    }
-    for name, value in values.items():
+    for name, value in session_settings(mode, **given).items():
         config.insert_json5(name, json.dumps(value))
     return config
 

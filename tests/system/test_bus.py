@@ -11,8 +11,8 @@ import zenoh
 
 from services.errors import InputError, RefusalError
 from services.messages import Event, SampleBlock, TurretCommand
-from services.wire import DecodeError, key
-from services.zenoh_bus import MOST_BYTES, ZenohBus, check_endpoint, check_machine, open_client
+from services.wire import MOST_BYTES, DecodeError, key
+from services.zenoh_bus import ZenohBus, check_endpoint, check_machine, open_client
 from tests.system.kit import Link, Spy, block, command, free_endpoint, processes, until
 
 pytestmark = pytest.mark.system
