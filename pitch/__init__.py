@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pitch.advice import advise
+    from pitch.belief import ProcessBelief
     from pitch.chart import StabilityChart, stability_chart
     from pitch.choice import PlannerConfig
     from pitch.geometry import (
@@ -34,6 +35,7 @@ __all__ = [
     "OneModeProcess",
     "Planner",
     "PlannerConfig",
+    "ProcessBelief",
     "RobustPitch",
     "ShiftTrajectory",
     "Situation",
@@ -65,6 +67,7 @@ __all__ = [
 
 _HOME = {
     "advice": ("advise",),
+    "belief": ("ProcessBelief",),
     "chart": ("StabilityChart", "stability_chart"),
     "choice": ("PlannerConfig",),
     "geometry": (

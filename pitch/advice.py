@@ -49,6 +49,8 @@ def _speeds(decision: Decision) -> str:
     """Half a line of the comb away: at equal pitch the chatter lines lie two spindle frequencies apart."""
     if decision.frequency_hz is None or decision.spindle_hz is None:
         return "Change the spindle speed by a few per cent"
+    if decision.advised_spindle_hz is not None:
+        return f"Change the spindle speed to {60 * decision.advised_spindle_hz:.0f} 1/min"
     change = decision.spindle_hz / decision.frequency_hz
     slow, fast = (60 * decision.spindle_hz * (1 + sign * change) for sign in (-1, 1))
     return f"Change the spindle speed by about {100 * change:.1f} % (to {slow:.0f} or {fast:.0f} 1/min)"

@@ -58,6 +58,8 @@ class Situation:
         Whether turret 1 is on its way to a target.
     armed : bool
         Whether commands are carried out; if not, the target follows the realised shift.
+    loudness : float or None
+        Indicator of chatter over its limit; loud chatter lies below the line from which it grew.
     """
 
     sample: int
@@ -72,6 +74,7 @@ class Situation:
     moving: bool = False
     armed: bool = True
     requested: float | None = None
+    loudness: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +101,10 @@ class Decision:
         Whether the planner has given up on the present chatter.
     frequency_hz, spindle_hz : float or None
         What the decision rests on (Hz).
+    advised_spindle_hz : float or None
+        Spindle speed (Hz) at which a pitch within the limits should help, where one is known.
+    feed_hold : bool
+        Whether the feed should be held: it chatters, and no move of turret 1 is left.
     """
 
     target_shift: float
@@ -110,3 +117,5 @@ class Decision:
     given_up: bool
     frequency_hz: float | None
     spindle_hz: float | None
+    advised_spindle_hz: float | None = None
+    feed_hold: bool = False

@@ -35,6 +35,8 @@ class Case:
         Parameters of the monitor, and the drives as it believes them to be.
     planner
         Parameters of the decision.
+    foresight
+        What the controller believes of bar and cut (`pitch.ProcessBelief`), None when nothing.
     text, digest
         The resolved file as JSON, and its SHA-256.
     """
@@ -50,6 +52,7 @@ class Case:
     monitor: Any
     belief: Any
     planner: Any
+    foresight: Any
     text: str
     digest: str
 

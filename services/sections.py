@@ -110,6 +110,13 @@ _PLANNER = {
     **dict.fromkeys(("x1_travel", "y1_travel"), "mm"),
     **dict.fromkeys(("dwell", "settle_time", "persist_time", "arrive_time", "calm_time"), "s"),
 }
+_FORESIGHT = {
+    "modal_mass": "kg",
+    "cutting_stiffness": "n_per_m",
+    "process_damping": "n_s_per_m",
+    **dict.fromkeys(("frequency_error", "stiffness_error", "damping_error", "overlap_error"), "percent"),
+}
+_OPTIONAL = "belief.process"
 _COMMON = ("sample_rate_hz", "axis_angle")
 _SPEEDS = {"spindle_hz_min": "spindle_speed_min", "spindle_hz_max": "spindle_speed_max"}
 
@@ -147,7 +154,7 @@ def _turret() -> dict[str, Section]:
 
 def _decision() -> dict[str, Section]:
     from chatter import MonitorConfig, NominalFeedDrive, NominalTurret
-    from pitch import PlannerConfig, TrajectoryLimits
+    from pitch import PlannerConfig, ProcessBelief, TrajectoryLimits
     from services.guard_limits import GuardLimits
 
     return {
@@ -156,6 +163,7 @@ def _decision() -> dict[str, Section]:
         "monitor": Section(kind=MonitorConfig, units=_MONITOR),
         "belief.x1": Section(kind=NominalFeedDrive, units=_BELIEF),
         "belief.y1": Section(kind=NominalFeedDrive, units=_BELIEF),
+        _OPTIONAL: Section(kind=ProcessBelief, units=_FORESIGHT),
         "belief": Section(kind=NominalTurret, units={"upper_mass": "kg"}, given=("x1", "y1", "axis_angle")),
         "planner": Section(kind=PlannerConfig, units=_PLANNER, given=_COMMON),
     }
@@ -192,6 +200,7 @@ def build(tables: Mapping[str, Any]) -> dict[str, Any]:
         "monitor": part("monitor"),
         "belief": part("belief", x1=part("belief.x1"), y1=part("belief.y1"), axis_angle=drives.axis_angle),
         "planner": part("planner", **common),
+        "foresight": part(_OPTIONAL) if "process" in tables["belief"] else None,
     }
     _agree(parts)
     return parts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pitch import Decision, Planner, Situation
+from pitch import Decision, Planner, Situation, advise
 from services.config import Case
 from services.messages import BLOCK_S, ChatterReport, Event, Message, TurretCommand
 
@@ -19,7 +19,7 @@ class ControllerNode:
     Parameters
     ----------
     case
-        The case; only its planner and its timing of commands are read.
+        The case; only its planner, its belief about the process and its timing of commands are read.
     run
         Identifier of the run.
     """
@@ -28,13 +28,14 @@ class ControllerNode:
 
     def __init__(self, case: Case, run: str) -> None:
         self._run = run
-        self._planner = Planner(case.planner)
+        self._planner = Planner(case.planner, belief=case.foresight)
         block = round(BLOCK_S * case.settings.sample_rate_hz)
         self._apply, self._expire = case.settings.apply_after_blocks * block, case.settings.expires_after_blocks * block
         self._events = 0
 
     def prepare(self) -> None:
-        """Nothing to compile."""
+        """Compile what the planner needs."""
+        self._planner.prepare()
 
     def handle(self, message: ChatterReport) -> list[Message]:
         """Return the command that follows from the report, and an event when it is more than a hold."""
@@ -72,20 +73,25 @@ class ControllerNode:
             valid=report.state not in ("gap", "invalid"),
             moving=report.moving,
             armed=report.guard_state not in ("OFF", "FAULT"),
+            loudness=report.indicator / report.limit if report.limit > 0.0 else None,
         )
 
     def _event(self, report: ChatterReport, decision: Decision) -> list[Message]:
         if decision.action == "hold":
             return []
+        said = [self._said(report, decision.action, decision.reason)]
+        if decision.feed_hold:
+            said.append(self._said(report, "feed_hold_request", advise(decision)))
+        return said
+
+    def _said(self, report: ChatterReport, kind: str, text: str) -> Message:
         self._events += 1
-        return [
-            Event(
-                run=self._run,
-                source=SOURCE,
-                sequence=self._events,
-                cause=report.sequence,
-                sample=report.first_sample + report.samples,
-                kind=decision.action,
-                text=decision.reason,
-            )  # fmt: skip
-        ]
+        return Event(
+            run=self._run,
+            source=SOURCE,
+            sequence=self._events,
+            cause=report.sequence,
+            sample=report.first_sample + report.samples,
+            kind=kind,
+            text=text,
+        )

@@ -94,6 +94,8 @@ def case_of(task: Task, job: Job) -> tuple[Case, float | None, int]:
     if phase is not None and task.mode == "closed":
         changes["planner.target_phase_pi"] = float(phase)
     case = case_from_text(task.name, task.text, changes)
+    if phase is not None:
+        case = replaced(case, foresight=None)  # the phase is given: nothing is to be foreseen
     if "depth_mm" in job.values:
         case = _deeper(case, 1e-3 * float(job.values["depth_mm"]))
     if "stiffness_ratio" in job.values:

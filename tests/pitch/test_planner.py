@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pitch import Cause, Planner, PlannerConfig, Situation, advise, optimal_pitch_difference
+from pitch import Cause, Planner, PlannerConfig, ProcessBelief, Situation, advise, optimal_pitch_difference
 
 RATE, BLOCK = 9000.0, 90
 CONFIG = PlannerConfig(sample_rate_hz=RATE)
@@ -328,3 +328,73 @@ def test_a_gap_breaks_the_count_of_persisting_chatter():
 def test_bad_configuration_names_value_and_rule(field, value, message):
     with pytest.raises(ValueError, match=message):
         replace(CONFIG, **{field: value})
+
+
+BELIEF = ProcessBelief(
+    modal_mass=0.21, natural_frequency_hz=430.0, damping_ratio=0.11, cutting_stiffness=1.0e6, overlap=0.83,
+    process_damping=30.0,
+)  # fmt: skip
+
+
+def believing(config=CONFIG, **what):
+    rig = Rig(config)
+    rig.planner = Planner(config, belief=replace(BELIEF, **what))
+    return rig
+
+
+@given(st.lists(SITUATIONS, max_size=20))
+def test_a_belief_never_leads_beyond_the_limits_and_is_the_same_twice(blocks):
+    def play():
+        planner, sample, target = Planner(ROOMY, belief=BELIEF), 0, 0.0
+        for seen in blocks:
+            sample += seen.sample * BLOCK
+            shift = {"target": target, "zero": 0.0}.get(seen.shift, seen.shift)
+            got = planner.decide(replace(seen, sample=sample, shift=shift))
+            target = got.target_shift
+            yield got
+
+    first = list(play())
+    assert first == list(play())
+    assert all(ROOMY.min_shift <= got.target_shift <= ROOMY.max_shift for got in first)
+
+
+def test_with_a_belief_it_aims_where_the_process_is_silent():
+    rig = believing()
+    rig.chatter(0.5)
+    assert 2.0 < degrees(rig.moves)[0] < 3.6
+    rig.run(6.0)
+    assert len(rig.moves) == 1
+
+
+def test_a_belief_in_another_bar_leaves_the_rule():
+    rig = believing(natural_frequency_hz=1500.0)
+    rig.chatter(0.1)
+    assert degrees(rig.moves) == pytest.approx([2.760736], rel=1e-6)
+
+
+def test_loud_chatter_is_answered_by_the_rule():
+    rig = believing()
+    rig.chatter(0.1, loudness=20.0)
+    assert degrees(rig.moves) == pytest.approx([2.760736], rel=1e-6)
+
+
+def test_what_worked_is_done_again_at_once():
+    rig = Rig()
+    rig.chatter(0.4, 652.0)
+    rig.chatter(1.0, 738.0)
+    rig.run(6.0)
+    rig.run(0.1, armed=False, shift=0.0)
+    rig.moves, rig.shift = [], 0.0
+    rig.chatter(0.1, 652.0)
+    assert degrees(rig.moves) == pytest.approx([2.439024], rel=1e-6)
+
+
+def test_no_pitch_within_the_limits_names_a_speed_and_asks_for_feed_hold_once():
+    tight = replace(CONFIG, max_shift=math.radians(1.0), fallback_phases=())
+    rig = believing(tight)
+    said = rig.chatter(3.0)
+    assert [d.action for d in said].count("give_up") == 1
+    assert said[-1].feed_hold
+    assert said[-1].cause == Cause.NO_PITCH
+    assert said[-1].reason.startswith("no stable pitch for 652 Hz at 1200 1/min within 1.00 deg")
+    assert not rig.moves
