@@ -74,17 +74,26 @@ def _variance(_: Options) -> dict[str, Any]:
     return {"rows": measure(say=_say)}
 
 
+def _population(options: Options) -> dict[str, Any]:
+    from services.bench.population.measure import LONG, SHORT, measure
+
+    with progress_bar("processes") as progress:
+        size = LONG if options.long else SHORT
+        rows, numbers = measure(size, seed=options.seed, workers=options.workers, progress=progress)
+    return {"rows": rows, "population": numbers}
+
+
 def _say(what: str) -> None:
     console.print(f"  {what} ...", highlight=False)
 
 
 TABLES: dict[str, Callable[[Options], dict[str, Any]]] = {
     "transport": _transport, "detector": _detector, "delay": _delay, "loop": _loop,
-    "estimators": _estimators, "sdft": _sdft, "variance": _variance,
+    "estimators": _estimators, "sdft": _sdft, "variance": _variance, "population": _population,
 }  # fmt: skip
-LongFlag = Annotated[bool, typer.Option("--long", help="detector: 20 h of stable cutting instead of 1 h.")]
-Workers = Annotated[int | None, typer.Option("--workers", help="detector: processes (default: all cores).", min=1)]
-BenchSeed = Annotated[int, typer.Option("--seed", help="detector: seed of every random number.", min=0)]
+LongFlag = Annotated[bool, typer.Option("--long", help="detector: 20 h of stable cuts; population: 500.")]
+Workers = Annotated[int | None, typer.Option("--workers", help="Processes (default: all cores).", min=1)]
+BenchSeed = Annotated[int, typer.Option("--seed", help="Seed of every random number.", min=0)]
 
 
 @app.command()
