@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 CONSTRAINTS := $(if $(CI),-c .ci/constraints.txt,)
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench soak clean
 
 demo: $(STAMP)
 	$(BIN)/antiphase demo thesis-652 --out runs/thesis-652
@@ -20,6 +20,10 @@ lint: $(STAMP)
 
 bench: $(VENV)/.bench
 	$(BIN)/python -m pytest tests/benchmarks -s
+
+# 20 minutes with three dashboards and a recorder, every core four times over, the link cut each minute
+soak: $(STAMP)
+	$(BIN)/antiphase soak --duration-s 1200 --load 4 --cut-every-s 60 --dashboards 3 --out runs/soak
 
 # peers that only the benchmarks need; where one does not install, or has no C compiler, the tables go without it
 $(VENV)/.bench: $(STAMP)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Any, NamedTuple, Self
 
 import zenoh
@@ -46,10 +46,16 @@ class Received(NamedTuple):
     topic: str
     payload: bytes
     encoding: str
+    stamp: Any = None
+    """When it was sent, as Zenoh's timestamp."""
 
     def message(self) -> Message:
         """Return what it says, or raise `DecodeError`."""
         return decode(TOPICS[self.topic], self.payload)
+
+    def age_s(self, now: datetime) -> float:
+        """Return how long ago it was sent (s), by the time of day (UTC) of one computer."""
+        return (now - self.stamp.get_time()).total_seconds()
 
 
 def check_machine(name: str) -> str:
@@ -180,12 +186,12 @@ class Inbox:
 
     def _received(self, sample: Any, topic: str | None, encoding: str | None) -> Received | None:
         if topic is not None and encoding is not None:
-            return Received(topic, sample.payload.to_bytes(), encoding)
+            return Received(topic, sample.payload.to_bytes(), encoding, sample.timestamp)
         topic = str(sample.key_expr)[self._start :]
         if topic not in TOPICS:
             self.unknown += 1
             return None
-        return Received(topic, sample.payload.to_bytes(), str(sample.encoding))
+        return Received(topic, sample.payload.to_bytes(), str(sample.encoding), sample.timestamp)
 
     def close(self) -> None:
         """Undeclare the subscriptions."""

@@ -11,6 +11,7 @@ from services.cli import (
     recordings,
     reproduce,
     services,
+    soak,
     sweep,
     upkeep,
 )
@@ -26,6 +27,7 @@ __all__ = [
     "recordings",
     "reproduce",
     "services",
+    "soak",
     "sweep",
     "upkeep",
 ]

@@ -7,7 +7,6 @@ import pathlib
 import signal
 import socket
 import subprocess
-import threading
 import time
 
 import numpy as np
@@ -135,71 +134,6 @@ class Spy:
 
     def close(self):
         self.bus.close()
-
-
-class Link:
-    """A TCP link to a router that can be cut or clogged."""
-
-    def __init__(self, endpoint):
-        self._port = int(endpoint.rsplit(":", 1)[1])
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
-        self._open, self._threads = [], []
-        self._free = threading.Event()
-        self._free.set()
-        self._refuse = False
-        self._spawn(self._accept)
-
-    def _spawn(self, work, *arguments):
-        thread = threading.Thread(target=work, args=arguments, daemon=True)
-        self._threads.append(thread)
-        thread.start()
-
-    def _accept(self):
-        with contextlib.suppress(OSError):
-            while True:
-                near = self._server.accept()[0]
-                if self._refuse:
-                    near.close()
-                    continue
-                far = socket.create_connection(("127.0.0.1", self._port))
-                self._open += [near, far]
-                self._spawn(self._carry, near, far)
-                self._spawn(self._carry, far, near)
-
-    def _carry(self, source, sink):
-        with contextlib.suppress(OSError):
-            while data := source.recv(65536):
-                self._free.wait()
-                sink.sendall(data)
-        for end in (source, sink):
-            with contextlib.suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
-
-    def cut(self):
-        self._refuse = True
-        for end in self._open:
-            with contextlib.suppress(OSError):
-                end.shutdown(socket.SHUT_RDWR)
-
-    def clog(self):
-        self._refuse = True
-        self._free.clear()
-
-    def mend(self):
-        self._refuse = False
-        self._free.set()
-
-    def close(self):
-        self.cut()
-        self.mend()
-        self._refuse = True
-        self._server.shutdown(socket.SHUT_RDWR)
-        self._server.close()
-        for thread in self._threads:
-            thread.join(5.0)
-        for end in self._open:
-            end.close()
 
 
 def block(number, *, run="run-1", samples=90, **changes):

@@ -11,9 +11,10 @@ import zenoh
 
 from services.errors import InputError, RefusalError
 from services.messages import Event, SampleBlock, TurretCommand
+from services.soak.link import Link
 from services.wire import MOST_BYTES, DecodeError, key
 from services.zenoh_bus import ZenohBus, check_endpoint, check_machine, open_client
-from tests.system.kit import Link, Spy, block, command, free_endpoint, processes, until
+from tests.system.kit import Spy, block, command, free_endpoint, processes, until
 
 pytestmark = pytest.mark.system
 FREE = "tcp/127.0.0.1:0"
