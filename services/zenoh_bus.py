@@ -311,6 +311,21 @@ class ZenohBus:
         self._open.append(inbox)
         return inbox
 
+    def follow(self, *kinds: type[Any], depth: int) -> Inbox:
+        """Return an inbox in which the newest win, for those who only look on; events that were before come too."""
+        inbox = Inbox(self._prefix, [(self._onlooker(kind, depth), kind) for kind in kinds])
+        self._open.append(inbox)
+        return inbox
+
+    def _onlooker(self, kind: type[Message], depth: int) -> Any:
+        key, ring = self._prefix + topic_of(kind), zenoh.handlers.RingChannel(depth)
+        if kind is not Event:
+            return self._session.declare_subscriber(key, ring, allowed_origin=zenoh.Locality.REMOTE)
+        history = ext.HistoryConfig(detect_late_publishers=True)
+        return ext.declare_advanced_subscriber(
+            self._session, key, ring, allowed_origin=zenoh.Locality.REMOTE, history=history
+        )
+
     def _subscriber(self, key: str, depth: int) -> Any:
         recovery = ext.RecoveryConfig(periodic_queries=NEVER, heartbeat=None)
         return ext.declare_advanced_subscriber(

@@ -83,6 +83,12 @@ def _population(options: Options) -> dict[str, Any]:
     return {"rows": rows, "population": numbers}
 
 
+def _dashboard(_: Options) -> dict[str, Any]:
+    from services.bench.dashboard import measure
+
+    return {"rows": measure(say=_say)}
+
+
 def _say(what: str) -> None:
     console.print(f"  {what} ...", highlight=False)
 
@@ -90,6 +96,7 @@ def _say(what: str) -> None:
 TABLES: dict[str, Callable[[Options], dict[str, Any]]] = {
     "transport": _transport, "detector": _detector, "delay": _delay, "loop": _loop,
     "estimators": _estimators, "sdft": _sdft, "variance": _variance, "population": _population,
+    "dashboard": _dashboard,
 }  # fmt: skip
 LongFlag = Annotated[bool, typer.Option("--long", help="detector: 20 h of stable cuts; population: 500.")]
 Workers = Annotated[int | None, typer.Option("--workers", help="Processes (default: all cores).", min=1)]

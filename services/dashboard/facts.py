@@ -1,0 +1,56 @@
+"""What a page must know of a case before anything was said on the bus."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+from services.config import Case
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Facts:
+    """The part of a case that is drawn.
+
+    Attributes
+    ----------
+    machine, case, title
+        Names.
+    sample_rate_hz
+        Of the servo loop; the force says its own.
+    band_hz
+        Where chatter is looked for.
+    tools
+        How many cut, for the tooth-pass frequency.
+    shift_limits_deg
+        Least and greatest target that the guard lets through and the planner chooses.
+    """
+
+    machine: str
+    case: str
+    title: str
+    sample_rate_hz: float
+    band_hz: tuple[float, float]
+    tools: int
+    shift_limits_deg: tuple[float, float]
+
+    @classmethod
+    def of(cls, case: Case, machine: str | None = None) -> Self:
+        """Return the facts of a case, with another name of the machine if wanted."""
+        most = case.limits.target
+        limits = max(-most, case.planner.min_shift), min(most, case.planner.max_shift)
+        return cls(
+            machine=machine or case.settings.machine,
+            case=case.name,
+            title=case.settings.title,
+            sample_rate_hz=case.settings.sample_rate_hz,
+            band_hz=(float(case.monitor.band_hz[0]), float(case.monitor.band_hz[1])),
+            tools=case.monitor.tools,
+            shift_limits_deg=(math.degrees(limits[0]), math.degrees(limits[1])),
+        )
+
+    @property
+    def top_hz(self) -> float:
+        """Highest frequency of the spectrogram (Hz)."""
+        return 1.6 * self.band_hz[1]

@@ -1,0 +1,116 @@
+"""What a picture is fed from: the bus, opened in the background, so that a page is there before any machine is."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable
+from typing import Protocol
+
+from services.dashboard.view import View
+from services.errors import RefusalError
+from services.messages import Message
+from services.wire import DecodeError
+from services.zenoh_bus import Inbox, Presence, Received, ZenohBus
+
+WAITING = 512
+"""Messages of each topic that wait at most; of more, the newest win."""
+
+
+class Feed(Protocol):
+    """Where messages come from; nothing here waits."""
+
+    @property
+    def where(self) -> str:
+        """Return where that is, for people."""
+        ...
+
+    def linked(self) -> bool:
+        """Whether the bus is in reach."""
+        ...
+
+    def take(self) -> Iterable[Received]:
+        """Return what has come."""
+        ...
+
+    def changes(self) -> Iterable[tuple[str, bool]]:
+        """Return who came or went."""
+        ...
+
+    def publish(self, message: Message) -> None:
+        """Send a message."""
+        ...
+
+
+def pump(feed: Feed, view: View) -> None:
+    """Show a picture all that has come."""
+    for service, came in feed.changes():
+        view.peer(service, came)
+    for received in feed.take():
+        try:
+            message = received.message()
+        except DecodeError as error:
+            view.sieve.refuse("unreadable", f"{received.topic}: {error}")
+            continue
+        view.handle(message)
+
+
+class _Ended(Exception):  # noqa: N818  (nobody waits for the bus any more)
+    """The feed was closed before there was a bus."""
+
+
+class BusFeed:
+    """The bus of one machine; its router may come later, go and come again.
+
+    Parameters
+    ----------
+    machine
+        Name of the machine.
+    endpoint
+        Where its router is.
+    """
+
+    def __init__(self, machine: str, endpoint: str) -> None:
+        self.where, self._machine = endpoint, machine
+        self._bus: ZenohBus | None = None
+        self._inbox: Inbox | None = None
+        self._presence: Presence | None = None
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._open, name="bus", daemon=True)
+        self._thread.start()
+
+    def _open(self) -> None:
+        try:
+            bus = ZenohBus.client(self._machine, self.where, self._patience)
+        except _Ended:
+            return
+        self._inbox = bus.follow(*View.subscribes, depth=WAITING)
+        self._presence, self._bus = bus.presence(), bus
+
+    def _patience(self) -> None:
+        if self._ended.is_set():
+            raise _Ended
+
+    def linked(self) -> bool:
+        """Whether the router is in reach."""
+        return self._bus is not None and self._bus.linked()
+
+    def take(self) -> Iterable[Received]:
+        """Return what has come."""
+        return () if self._bus is None or self._inbox is None else self._inbox.take(2 * WAITING)
+
+    def changes(self) -> Iterable[tuple[str, bool]]:
+        """Return who came or went."""
+        return () if self._bus is None or self._presence is None else self._presence.changes()
+
+    def publish(self, message: Message) -> None:
+        """Send a message, never waiting for anyone."""
+        if self._bus is None:
+            raise RefusalError(f"the bus at {self.where} is not in reach")
+        self._bus.publish(message)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._ended.set()
+        self._thread.join(2.0)
+        if self._bus is not None:
+            self._bus.close()
