@@ -8,12 +8,12 @@ from typing import Annotated, Any
 import typer
 
 from services.cli.app import JsonFlag, app, emit, positive
-from services.cli.services import CaseName, Connect, MachineName
+from services.cli.services import CaseName, Connect, IdentityDir, MachineName, home, known_as
 from services.clock import WallClock
 from services.config import load_case
 from services.errors import InputError, RefusalError
 from services.process import Stopped, StopSignal
-from services.zenoh_bus import DEFAULT_ENDPOINT, check_endpoint, check_machine
+from services.zenoh_bus import check_endpoint, check_machine
 
 
 @app.command()
@@ -21,6 +21,7 @@ def dashboard(
     case: CaseName = "thesis-652",
     connect: Connect = None,
     name: MachineName = None,
+    identity: IdentityDir = None,
     host: Annotated[str, typer.Option("--host", help="Where to serve: an address of this host.")] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", help="Port; 0: a free one.")] = 8080,
     allow_control: Annotated[
@@ -42,10 +43,12 @@ def dashboard(
 
     config, clock = load_case(case), WallClock()
     machine = check_machine(name or config.settings.machine)
-    endpoint = check_endpoint("connect", connect or DEFAULT_ENDPOINT)
+    known = known_as("dashboard", identity)
+    operator = known_as("operator", identity) if allow_control else None
+    endpoint = check_endpoint("connect", connect or home(known))
     with open_socket(host, port) as listening, StopSignal():
         where = _address(listening.getsockname())
-        feed = BusFeed(machine, endpoint)
+        feed = BusFeed(machine, endpoint, known, operator)
         try:
             hub = Hub(View(Facts.of(config, machine), clock), feed, clock)
             control = Control(hub) if allow_control else None
@@ -65,6 +68,7 @@ def watch(
     case: CaseName = "thesis-652",
     connect: Connect = None,
     name: MachineName = None,
+    identity: IdentityDir = None,
     once: Annotated[bool, typer.Option("--once", help="Say what is known, and end.")] = False,
     wait_s: Annotated[float, typer.Option("--wait-s", help="--once: how long to wait for the machine (s).")] = 3.0,
     as_json: JsonFlag = False,
@@ -79,12 +83,13 @@ def watch(
 
     config, clock = load_case(case), WallClock()
     machine = check_machine(name or config.settings.machine)
-    endpoint = check_endpoint("connect", connect or DEFAULT_ENDPOINT)
+    known = known_as("watch", identity)
+    endpoint = check_endpoint("connect", connect or home(known))
     positive("wait-s", wait_s, "s")
     if as_json and not once:
         raise InputError("json", True, "given together with --once: a screen is no object")
     console = Console()
-    feed = BusFeed(machine, endpoint)
+    feed = BusFeed(machine, endpoint, known)
     try:
         with StopSignal() as stop:
             watcher = Watcher(View(Facts.of(config, machine), clock), feed, clock)

@@ -9,6 +9,7 @@ from typing import Protocol
 from services.dashboard.view import View
 from services.errors import RefusalError
 from services.messages import Message
+from services.security.identity import Identity
 from services.wire import DecodeError
 from services.zenoh_bus import Inbox, Presence, Received, ZenohBus
 
@@ -67,10 +68,18 @@ class BusFeed:
         Name of the machine.
     endpoint
         Where its router is.
+    identity
+        Who looks on, when the router asks for certificates.
+    operator
+        Who asks of the guard, when that needs another one.
     """
 
-    def __init__(self, machine: str, endpoint: str) -> None:
+    def __init__(
+        self, machine: str, endpoint: str, identity: Identity | None = None, operator: Identity | None = None
+    ) -> None:
         self.where, self._machine = endpoint, machine
+        self._identity, self._operator = identity, operator
+        self._speaker: ZenohBus | None = None
         self._bus: ZenohBus | None = None
         self._inbox: Inbox | None = None
         self._presence: Presence | None = None
@@ -80,7 +89,10 @@ class BusFeed:
 
     def _open(self) -> None:
         try:
-            bus = ZenohBus.client(self._machine, self.where, self._patience)
+            bus = ZenohBus.client(self._machine, self.where, self._patience, self._identity)
+            self._speaker = bus
+            if self._operator is not None:
+                self._speaker = ZenohBus.client(self._machine, self.where, self._patience, self._operator)
         except _Ended:
             return
         self._inbox = bus.follow(*View.subscribes, depth=WAITING)
@@ -104,13 +116,14 @@ class BusFeed:
 
     def publish(self, message: Message) -> None:
         """Send a message, never waiting for anyone."""
-        if self._bus is None:
+        if self._speaker is None or not self._speaker.linked():
             raise RefusalError(f"the bus at {self.where} is not in reach")
-        self._bus.publish(message)
+        self._speaker.publish(message)
 
     def close(self) -> None:
         """Leave the bus."""
         self._ended.set()
         self._thread.join(2.0)
-        if self._bus is not None:
-            self._bus.close()
+        for bus in (self._speaker, self._bus):
+            if bus is not None:
+                bus.close()
