@@ -43,9 +43,7 @@ class Track:
     frequency_hz: Floats
 
 
-def followed(
-    free: Floats, sample_rate_hz: float, centre_hz: float, time: Floats, turn: float | None = None
-) -> Track:
+def followed(free: Floats, sample_rate_hz: float, centre_hz: float, time: Floats, turn: float | None = None) -> Track:
     """Return a line as it goes through a recording.
 
     Parameters

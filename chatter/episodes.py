@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from chatter.coherence import COHERENT, Track, followed, predicted_over
-from chatter.separation import Separated, reach
+from chatter.separation import Separated
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Doubt = Literal["short", "incoherent", "weaker than forced vibration", "follows a speed", "dies away", "there without the cut"]
+Doubt = Literal[
+    "short", "incoherent", "weaker than forced vibration", "follows a speed", "dies away", "there without the cut"
+]
 
 GRID = 0.01
 """Grid in time (s)."""
@@ -30,13 +32,13 @@ MATERIAL = 0.1
 PAUSE = 0.3
 """Pause that does not end an episode (s)."""
 LEAST, LEAST_PERIODS, LEAST_PART = 0.25, 2.5, 0.6
-"""Least time with chatter: seconds, times the time of prediction, and the part of a recording that is enough at most."""
+"""Least time with chatter: seconds, times the time of prediction, and the part of a recording that is enough."""
 TALL, TALL_FOR = 0.25, 0.25
 """Part of its largest power (-6 dB) and time (s) for which a line must stand above it: a blow is shorter."""
 STRONG, SURE = 0.25, 0.7
 """A line is strong above this part of its power in the episode, and must be coherent for this part of that time."""
 MOVES, STRAIGHT, MOVES_FOR = 0.005, 0.9, 0.4
-"""Relative change per second, how straight it is (R squared) and for how long (s), from which a line follows a speed."""
+"""Relative change per second, its straightness (R squared) and length (s), from which a line follows a speed."""
 FALLS, RINGS = 1.4, 0.001
 """Fall of the logarithm of power (6 dB) within an episode, and damping, from which a line that falls is a ring."""
 STEP, SAME = 5.0, 2.0
@@ -121,7 +123,7 @@ def episodes(parts: Separated, sample_rate_hz: float, ease: float = 1.0) -> list
 def _energies(parts: Separated, sample_rate_hz: float) -> _Energies:
     step = max(round(GRID * sample_rate_hz), 1)
     count = len(parts.free) // step
-    time = (np.arange(count) + 0.5) * step / sample_rate_hz
+    time = np.asarray((np.arange(count) + 0.5) * step / sample_rate_hz, dtype=np.float64)
     size = max(round(SMOOTH / GRID), 1)
     levels = []
     for signal in (parts.free, parts.rest, parts.whole):

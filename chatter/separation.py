@@ -247,7 +247,9 @@ def _candidates(stretches: Sequence[Stretch], band_hz: tuple[float, float]) -> l
         near = free & (np.abs(frequency - peak) <= reach(peak))
         centre = float(np.average(frequency[near], weights=power[near]))
         near = np.abs(frequency - centre) <= reach(centre)
-        left[(np.abs(frequency - centre) <= 1.5 * reach(centre)) | (np.abs(frequency - peak) <= 0.5 * reach(peak))] = 0.0
+        left[(np.abs(frequency - centre) <= 1.5 * reach(centre)) | (np.abs(frequency - peak) <= 0.5 * reach(peak))] = (
+            0.0
+        )
         if power[near & free].sum() > power[near & ~free].sum():
             found.append((centre, float(power[near & free].sum())))
     strongest = max((p for _, p in found), default=0.0)

@@ -6,22 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter.comb import (
-    LEAST,
-    PRECISION,
-    SIDES,
-    Base,
-    Flags,
-    Floats,
-    Question,
-    comb_evidence,
-    on_comb,
-    refined,
-    stands_alone,
-    stated,
-    tolerance,
-)
+from chatter.comb import LEAST, PRECISION, Base, Flags, Floats, comb_evidence, on_comb, refined, stated, tolerance
 from chatter.lines import Lines
+from chatter.question import SIDES, Question
+from chatter.resonance import stands_alone
 
 SPEED_ERROR = 0.002
 """Relative error of a stated speed that the lines do not correct."""
@@ -34,6 +22,8 @@ MOST_TEETH, FASTEST = 12, 1.5
 """Teeth that pass per revolution, and frequency of their passing over that of the chatter, at most."""
 ROOTLESS = 8.0
 """Evidence that a comb loses whose low harmonics are missing; with a stated speed it has none."""
+LUCK = 0.05
+"""Probability that chatter hits a harmonic of tooth passing by chance, below which one that hits it is taken for it."""
 ROUNDS, COMBS = 12, 5
 """Lines looked at for themselves, and combs set aside for each, at most."""
 PARTS, PART_ERROR, ALMOST = np.arange(2.0, 9.0), 0.003, 0.05
@@ -136,19 +126,18 @@ class _Sorting:
         lines = self.lines
         own = on_comb(lines.frequency_hz, float(lines.frequency_hz[line]), 1.5 * self.slack_hz) & (self.kind == 0)
         own[line] = False
-        for _ in range(COMBS):  # combs that it does not belong to are no reason for one that it does
-            used = self._usable(line, own)
-            question = Question(lines.frequency_hz[used], self.slack_hz[used], int(np.searchsorted(used, line)))
-            combs = self._candidates(question, used)
+        question, combs = self._asked(line, own)
+        for _ in range(COMBS - 1):  # combs that it does not belong to are no reason for one that it does
             if not self._set_aside(question, combs, own):
                 break
+            question, combs = self._asked(line, own)
         distances = self._passing() if self.stated_hz else np.append(combs, [b.fundamental_hz for b in self.bases])
         distances = distances[distances <= FASTEST * question.line_hz]
         for_sides = question.sidebands(distances)
         side = int(np.argmax(for_sides)) if for_sides.size else 0
         beside = float(for_sides[side]) if for_sides.size else -1.0
         base, found = self._best_comb(question, combs, line)
-        if found > 0.0 and found >= beside and not stands_alone(lines, line, base, self._tools_of(base)):
+        if found > 0.0 and found >= beside and not self._is_lifted(line, base):
             self._force(base, found, line)
         elif beside < LEAST and self.stated_hz is None and self._is_train(own, line):
             self._force(question.line_hz, 0.0, line)
@@ -157,6 +146,12 @@ class _Sorting:
             self.kind[line] = 2
             if beside >= LEAST:
                 self._free(question.line_hz, float(distances[side]), beside)
+
+    def _asked(self, line: int, own: Flags) -> tuple[Question, Floats]:
+        """Return the question that a line poses, and the combs that may answer it (Hz)."""
+        used = self._usable(line, own)
+        question = Question(self.lines.frequency_hz[used], self.slack_hz[used], int(np.searchsorted(used, line)))
+        return question, self._candidates(question, used)
 
     def _usable(self, line: int, own: Flags) -> NDArray[np.intp]:
         """Return the most prominent lines that nothing explains yet, without the line's own harmonics."""
@@ -226,8 +221,15 @@ class _Sorting:
             related |= (off > PART_ERROR) & (parts | np.where(ratio < 1.0, below, off < ALMOST))
         return related
 
-    def _tools_of(self, fundamental_hz: float) -> int | None:
-        return self.tools if fundamental_hz == self.stated_hz else None
+    def _is_lifted(self, line: int, fundamental_hz: float) -> bool:
+        """Return whether a line stands out of its comb by more than a mode lifts; a lone harmonic of teeth may."""
+        if fundamental_hz != self.stated_hz:
+            return stands_alone(self.lines, line, fundamental_hz, None)
+        passing = fundamental_hz * (self.tools or 1)
+        slack = self.slack_hz[line : line + 1]
+        if 2.0 * slack[0] < LUCK * passing and on_comb(self.lines.frequency_hz[line : line + 1], passing, slack)[0]:
+            return False
+        return stands_alone(self.lines, line, fundamental_hz, self.tools)
 
     def _candidates(self, question: Question, used: NDArray[np.intp]) -> Floats:
         frequency = question.frequency_hz

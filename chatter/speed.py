@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter.comb import SPEED_SPREAD, Base, Question, comb_evidence, on_comb, refined, tolerance
+from chatter.comb import SPEED_SPREAD, Base, comb_evidence, on_comb, refined, tolerance
 from chatter.lines import Lines
+from chatter.question import Question
 from chatter.separation import Stretch
 
 Floats = NDArray[np.float64]
@@ -19,7 +20,7 @@ AGREES = 0.01
 CLEAR, RIVAL = 20.0, 0.4
 """Evidence that a fundamental must have to contradict a stated speed, and the part of it that the speed may have."""
 STRONG, CONVINCING = 0.003, 2.0
-"""Power of a line over the strongest (-25 dB) from which it speaks for a speed, and log likelihood ratio that it takes."""
+"""Power of a line over the strongest (-25 dB) from which it speaks for a speed, and the log likelihood ratio needed."""
 FIRST = 8.5
 """Orders among which three must be there: a force has its lowest harmonics, chance has not."""
 OFTEN = 0.5
@@ -125,8 +126,4 @@ def mains(stretches: Sequence[Stretch]) -> float | None:
 
 
 def _is_mains(fundamental_hz: float) -> bool:
-    return any(
-        abs(fundamental_hz - k * hz) <= MAINS_ERROR * fundamental_hz for hz in MAINS_HZ for k in (1, 2)
-    )
-
-
+    return any(abs(fundamental_hz - k * hz) <= MAINS_ERROR * fundamental_hz for hz in MAINS_HZ for k in (1, 2))

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import f as f_distribution
 
-from chatter.comb import fundamental
 from chatter.dominance import is_harmonic, peaks, standing_limit, strongest
 from chatter.limits import LearnedLevel, ratio_limit
 
@@ -88,21 +87,3 @@ def test_strongest_leaves_harmonics_out_and_says_its_share():
     assert (every.peak, round(every.share, 3)) == (10, round(4 / 7, 3))
     assert strongest(power, limit, 10.0, frequencies, 10.0, 0.002) is None
     assert is_harmonic(np.array([1067.0, 1050.0]), 50.0, np.array([3.0, 3.0])).tolist() == [False, True]
-
-
-def test_a_comb_is_told_from_a_line_with_sidebands():
-    rate, time = 12000.0, np.arange(12000) / 12000.0
-    rng = np.random.default_rng(3)
-    noise = 0.02 * rng.normal(size=time.size)
-    teeth = sum(a * np.sin(2 * np.pi * 366.43 * k * time + k) for k, a in ((1, 1.0), (2, 0.8), (3, 0.7)))
-    runout = sum(0.2 * np.sin(2 * np.pi * 91.61 * k * time + k * k) for k in (1, 7, 9, 11, 13))
-    base = fundamental((teeth + runout + noise)[:, None], rate, 366.0, 15.0)
-    assert base == pytest.approx(91.61, abs=0.1)
-    chatter = sum(
-        a * np.sin(2 * np.pi * (1067.0 + k * 215.35) * time) for k, a in ((0, 1), (1, 0.3), (-1, 0.2), (-2, 0.1))
-    )
-    tooth = sum(0.3 * np.sin(2 * np.pi * 215.35 * k * time) for k in (1, 2, 4))
-    both = chatter + tooth + 0.2 * np.sin(2 * np.pi * 2134.0 * time) + noise
-    assert fundamental(both[:, None], rate, 1067.0, 15.0) is None
-    clipped = np.clip(np.sin(2 * np.pi * 651.0 * time), -0.3, 0.3) + noise
-    assert fundamental(clipped[:, None], rate, 651.0, 15.0) is None
