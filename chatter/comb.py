@@ -23,6 +23,8 @@ LEAST_SPREAD = 0.1
 """Misfit of lines over their slack (rms) below which they cannot fit any better."""
 LEAST = 9.0
 """Evidence for a comb (log likelihood ratio): 1 in 8000 by chance."""
+FOLDS = 1.5
+"""Highest multiple over the sampling rate that is looked for below half of it; a filter is missing, not bandwidth."""
 SPEED_RANGE, SPEED_SPREAD = 0.015, 0.004
 """Most that the lines may correct a stated speed by, and what stated speeds err by (rms)."""
 CEILINGS_HZ = (300.0, 600.0, 1200.0, 2500.0, np.inf)
@@ -126,6 +128,28 @@ def on_comb(frequency_hz: Floats, fundamental_hz: float, slack_hz: Floats) -> Fl
     """
     order = np.round(frequency_hz / fundamental_hz)
     return (np.abs(frequency_hz - order * fundamental_hz) <= slack_hz) & (order > 0)
+
+
+def folded(frequency_hz: Floats, fundamental_hz: float, sample_rate_hz: float, spacing_hz: float) -> Flags:
+    """Return which lines are multiples above half the sampling rate that a recorder without a filter folds down.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (n,)
+        Lines (Hz).
+    fundamental_hz : float
+        Fundamental (Hz).
+    sample_rate_hz : float
+        Sampling rate (Hz).
+    spacing_hz : float
+        Distance of the bins (Hz).
+    """
+    multiples = fundamental_hz * np.arange(
+        np.ceil(0.5 * sample_rate_hz / fundamental_hz), FOLDS / fundamental_hz * sample_rate_hz
+    )
+    seen = np.abs(multiples - sample_rate_hz * np.round(multiples / sample_rate_hz))
+    near = np.abs(frequency_hz[:, None] - seen) <= tolerance(multiples, spacing_hz)
+    return np.asarray(near.any(axis=1), dtype=np.bool_)
 
 
 def stated(lines: Lines, spindle_hz: float) -> Base:

@@ -41,6 +41,8 @@ class Lines:
         Bins of the feet.
     spacing_hz : float
         Distance of the bins (Hz).
+    sample_rate_hz : float
+        Sampling rate (Hz).
     spectrum : ndarray, shape (bins, channels)
         The spectrum under its Hann window.
     """
@@ -52,6 +54,7 @@ class Lines:
     first: Bins
     last: Bins
     spacing_hz: float
+    sample_rate_hz: float
     spectrum: NDArray[np.complex128]
 
 
@@ -97,6 +100,7 @@ def lines_of(segment: Floats, sample_rate_hz: float, lowest_hz: float) -> Lines:
         first=first,
         last=last,
         spacing_hz=spacing,
+        sample_rate_hz=sample_rate_hz,
         spectrum=spectrum,
     )
 

@@ -6,7 +6,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter.comb import LEAST, PRECISION, Base, Flags, Floats, comb_evidence, on_comb, refined, stated, tolerance
+from chatter.comb import (
+    LEAST,
+    PRECISION,
+    Base,
+    Flags,
+    Floats,
+    comb_evidence,
+    folded,
+    on_comb,
+    refined,
+    stated,
+    tolerance,
+)
 from chatter.lines import Lines
 from chatter.question import SIDES, Question
 from chatter.resonance import stands_alone
@@ -99,6 +111,7 @@ class _Sorting:
         self.stated_hz: float | None = None
         self.tools: int | None = None
         self.on_stated = np.zeros(len(lines.frequency_hz), dtype=bool)
+        self.stated_slack_hz = self.slack_hz
 
     def take_stated(self, spindle_hz: float, tools: int | None) -> None:
         """Take faint lines on the comb of a stated speed for forced; the strong ones are still looked at."""
@@ -106,7 +119,7 @@ class _Sorting:
         base = stated(lines, spindle_hz)
         slack = self.slack_hz
         if base.evidence < LEAST:
-            slack = PRECISION * lines.spacing_hz + SPEED_ERROR * lines.frequency_hz
+            slack = self.stated_slack_hz = PRECISION * lines.spacing_hz + SPEED_ERROR * lines.frequency_hz
         for spacing in (base.fundamental_hz, base.fundamental_hz * (tools or 1)):
             self.on_stated |= on_comb(lines.frequency_hz, spacing, slack) & (slack < spacing / 6.0)
         strong = self.inside & (lines.power >= MATERIAL * self.total)
@@ -139,8 +152,9 @@ class _Sorting:
         base, found = self._best_comb(question, combs, line)
         if found > 0.0 and found >= beside and not self._is_lifted(line, base):
             self._force(base, found, line)
-        elif beside < LEAST and self.stated_hz is None and self._is_train(own, line):
+        elif self.stated_hz is None and self._is_train(own, line) and not self._has_sides(line, distances, for_sides):
             self._force(question.line_hz, 0.0, line)
+            self.kind[self._folded(question.line_hz)] = 1
         else:
             self.kind[own] = 2
             self.kind[line] = 2
@@ -226,7 +240,7 @@ class _Sorting:
         if fundamental_hz != self.stated_hz:
             return stands_alone(self.lines, line, fundamental_hz, None)
         passing = fundamental_hz * (self.tools or 1)
-        slack = self.slack_hz[line : line + 1]
+        slack = self.stated_slack_hz[line : line + 1]
         if 2.0 * slack[0] < LUCK * passing and on_comb(self.lines.frequency_hz[line : line + 1], passing, slack)[0]:
             return False
         return stands_alone(self.lines, line, fundamental_hz, self.tools)
@@ -242,9 +256,23 @@ class _Sorting:
         tried = tried[(tried >= 5.0 * self.lines.spacing_hz) & (tried <= frequency.max())]
         return np.unique(np.round(refined(tried, frequency, question.slack_hz), 4))
 
+    def _has_sides(self, line: int, distance_hz: Floats, found: Floats) -> bool:
+        """Return whether a line has sidebands at a distance that is no multiple of it folded down."""
+        if not found.size or found.max() < LEAST:
+            return False
+        lines, distance = self.lines, distance_hz[np.argmax(found)]
+        line_hz = float(lines.frequency_hz[line])
+        return not folded(np.array([distance]), line_hz, lines.sample_rate_hz, lines.spacing_hz)[0]
+
     def _is_train(self, own: Flags, line: int) -> bool:
         power = self.lines.power
+        own = own | self._folded(float(self.lines.frequency_hz[line]))
+        own[line] = False
         return int(own.sum()) >= RICH_LINES and float(power[own].sum()) >= RICH * float(power[line])
+
+    def _folded(self, fundamental_hz: float) -> Flags:
+        lines = self.lines
+        return folded(lines.frequency_hz, fundamental_hz, lines.sample_rate_hz, lines.spacing_hz)
 
     def _force(self, fundamental_hz: float, found: float, line: int) -> None:
         self.kind[line] = 1
