@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from chatter.coherence import COHERENT, Track, followed, predicted_over
-from chatter.separation import Separated
+from chatter.separation import Separated, line_during
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -111,11 +111,11 @@ def episodes(parts: Separated, sample_rate_hz: float, ease: float = 1.0) -> list
     began = risen * ease >= BEGAN * energies.free
     alone = (kin >= ALONE / (1.0 + 0.2 * np.log2(ease)) * energies.free) & (kin * ease >= PART * energies.whole)
     on = (began | alone) & (total * ease >= LOUD * energies.loud) & (total > 0.0)
-    spans = _joined(on)
-    leads = [int(np.argmax(energies.coherent[:, a:b].sum(axis=1))) for a, b in spans]
+    ranges = spans(on)
+    leads = [int(np.argmax(energies.coherent[:, a:b].sum(axis=1))) for a, b in ranges]
     out = []
-    for (a, b), lead in zip(spans, leads, strict=True):
-        held = GRID * sum(d - c for (c, d), other in zip(spans, leads, strict=True) if other == lead)
+    for (a, b), lead in zip(ranges, leads, strict=True):
+        held = GRID * sum(d - c for (c, d), other in zip(ranges, leads, strict=True) if other == lead)
         out.append(_judged(energies, parts, sample_rate_hz, (a, b), lead, held, ease))
     return out
 
@@ -164,15 +164,22 @@ def _kin(energies: _Energies, parts: Separated) -> Floats:
     return kin
 
 
-def _joined(on: Flags) -> list[tuple[int, int]]:
+def spans(on: Flags) -> list[tuple[int, int]]:
+    """Return first and one past the last index of every run of true on the grid, short pauses bridged.
+
+    Parameters
+    ----------
+    on : ndarray, shape (n,)
+        Flags.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(int), [0]])))
-    spans: list[tuple[int, int]] = []
+    found: list[tuple[int, int]] = []
     for a, b in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        if spans and (a - spans[-1][1]) * GRID <= PAUSE:
-            spans[-1] = (spans[-1][0], b)
+        if found and (a - found[-1][1]) * GRID <= PAUSE:
+            found[-1] = (found[-1][0], b)
         else:
-            spans.append((a, b))
-    return spans
+            found.append((a, b))
+    return found
 
 
 def _judged(
@@ -188,6 +195,7 @@ def _judged(
     track = energies.tracks[lead]
     weight = energies.coherent[lead, a:b]
     frequency = float(np.average(track.frequency_hz[a:b], weights=weight))
+    frequency = line_during(parts, sample_rate_hz, (a * GRID, b * GRID), forced=False, near_hz=frequency) or frequency
     total = energies.coherent[:, a:b].sum(axis=0)
     power = float(np.median(total))
     strong = track.power >= STRONG * float(np.quantile(track.power[a:b], 0.75))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from chatter.condition import Conditioned, conditioned, repeats
 from chatter.episodes import Episode, episodes
 from chatter.estimate import Kind
+from chatter.forced import Forced, forced_episodes
 from chatter.separation import Separated, Stretch, separated, sorted_stretches, stretches_of
 from chatter.speed import Speed, contradiction, mains
 
@@ -122,7 +123,8 @@ def detect_recording(
     ready = conditioned(samples, sample_rate_hz, wide)
     parts, speed = _parted(ready, (low, high), spindle_hz, tools)
     found = episodes(parts, ready.sample_rate_hz, STEP**sensitivity)
-    return _verdict(found, speed, [*notes, *ready.notes, *speed.notes])
+    forced = forced_episodes(parts, ready.sample_rate_hz)
+    return _verdict(found, forced, speed, [*notes, *ready.notes, *speed.notes])
 
 
 def _as_samples(signal: ArrayLike) -> Floats:
@@ -203,17 +205,20 @@ def _unknown_speed(stretches: Sequence[Stretch]) -> str:
     return f"spindle speed unknown: forced lines taken for multiples of {float(np.median(combs)):.1f} Hz, less sure"
 
 
-def _verdict(found: Sequence[Episode], speed: Speed, notes: Sequence[str]) -> RecordingVerdict:
-    events = tuple(
-        Event(start=e.start, end=e.end, frequency_hz=e.frequency_hz, kind="regenerative", confidence=_sure(e, speed))
-        for e in found
-        if e.doubt is None
+def _verdict(
+    found: Sequence[Episode], forced: Sequence[Forced], speed: Speed, notes: Sequence[str]
+) -> RecordingVerdict:
+    free = [_event(e, "regenerative", e.share * e.coherence * speed.trust) for e in found if e.doubt is None]
+    events = [*free, *(_event(e, "forced", e.share * speed.trust) for e in forced)]
+    return RecordingVerdict(
+        verdict="chatter" if free else "stable",
+        events=tuple(sorted(events, key=lambda e: e.start)),
+        notes=tuple(notes),
+        confidence=max(e.confidence for e in free) if free else speed.trust,
     )
-    if events:
-        sure = max(e.confidence for e in events)
-        return RecordingVerdict(verdict="chatter", events=events, notes=tuple(notes), confidence=sure)
-    return RecordingVerdict(verdict="stable", notes=tuple(notes), confidence=speed.trust)
 
 
-def _sure(episode: Episode, speed: Speed) -> float:
-    return float(min(episode.share, 1.0) * episode.coherence * speed.trust)
+def _event(episode: Episode | Forced, kind: Kind, confidence: float) -> Event:
+    return Event(
+        start=episode.start, end=episode.end, frequency_hz=episode.frequency_hz, kind=kind, confidence=confidence
+    )

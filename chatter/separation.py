@@ -65,6 +65,8 @@ class Separated:
         Half-overlapping stretches in order of time.
     length : int
         Samples in a stretch.
+    band_hz : (float, float)
+        Band of interest (Hz).
     candidates_hz : tuple of float
         Free lines, the strongest first (Hz).
     turn : float or None
@@ -76,6 +78,7 @@ class Separated:
     whole: Floats
     stretches: tuple[Stretch, ...]
     length: int
+    band_hz: tuple[float, float]
     candidates_hz: tuple[float, ...]
     turn: float | None
 
@@ -209,6 +212,7 @@ def separated(
         whole=whole * scale,
         stretches=tuple(kept),
         length=length,
+        band_hz=band_hz,
         candidates_hz=tuple(candidates),
         turn=_turn(stretches),
     )
@@ -231,6 +235,43 @@ def reach(frequency_hz: float) -> float:
         Its frequency (Hz).
     """
     return max(NEAR * frequency_hz, NEAR_HZ)
+
+
+def line_during(
+    parts: Separated, sample_rate_hz: float, span: tuple[float, float], *, forced: bool, near_hz: float | None = None
+) -> float | None:
+    """Return the frequency of the strongest line of a kind in the band during a time (Hz), None without one.
+
+    Parameters
+    ----------
+    parts : Separated
+        The recording.
+    sample_rate_hz : float
+        Sampling rate (Hz).
+    span : (float, float)
+        The time (s).
+    forced : bool
+        Whether a forced or a free line is asked for.
+    near_hz : float or None
+        About where the line is (Hz); None for the strongest.
+    """
+    found: list[tuple[Floats, Floats]] = []
+    for s in parts.stretches:
+        begin = s.first / sample_rate_hz
+        if begin < span[1] and begin + parts.length / sample_rate_hz > span[0]:
+            line = s.lines.frequency_hz
+            inside = (s.forced == forced) & (line >= parts.band_hz[0]) & (line <= parts.band_hz[1])
+            if inside.any():
+                found.append((line[inside], s.lines.power[inside]))
+    if not found:
+        return None
+    if near_hz is None:
+        frequency, power = max(found, key=lambda lines: float(lines[1].max()))
+        near_hz = float(frequency[np.argmax(power)])
+    close = [np.where(np.abs(frequency - near_hz) <= reach(near_hz), power, 0.0) for frequency, power in found]
+    peaks = [(frequency[np.argmax(near)], near.max()) for (frequency, _), near in zip(found, close, strict=True)]
+    total = float(sum(power for _, power in peaks))
+    return float(sum(hz * power for hz, power in peaks) / total) if total > 0.0 else None
 
 
 def _candidates(stretches: Sequence[Stretch], band_hz: tuple[float, float]) -> list[float]:
