@@ -8,11 +8,13 @@ from scipy.signal import resample_poly
 
 Floats = NDArray[np.float64]
 
-CHANGES = 50
-"""Changes of value that must fit, before values count as stored several times."""
-PILED, PILED_LEAST, PILED_RATIO = 1e-3, 10, 2.0
-"""Part of the samples, and number, that stand still at an extreme, and their ratio to those in the last 5 % before it,
-from which a recording counts as clipped."""
+CHANGES = 64
+"""Changes of value that must be there before their spacing tells anything."""
+AGREE, MOST_HELD = 0.98, 64
+"""Part of the changes that must lie on a grid for values to count as held, and the longest that is looked for."""
+PILED, PILED_RUNS, PILED_RATIO = 1e-4, 10, 2.0
+"""Part of the samples at an extreme, number of times that they stay there, and ratio to how often the next value inside
+is taken, from which a channel counts as clipped. The rounded crest of a wave has a ratio of 1.4."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,8 +36,26 @@ class Conditioned:
     notes: tuple[str, ...]
 
 
+def held_for(channel: Floats) -> int:
+    """Return for how many samples every value is held: 1 unless the changes lie on such a grid.
+
+    Parameters
+    ----------
+    channel : ndarray, shape (n,)
+        Samples.
+    """
+    changes = np.flatnonzero(np.diff(np.nan_to_num(channel)) != 0.0) + 1
+    if changes.size < CHANGES:
+        return 1
+    gaps = np.diff(changes)
+    for times in range(min(int(np.quantile(gaps, 1.0 - AGREE)), MOST_HELD), 1, -1):
+        if (gaps % times == 0).mean() >= AGREE:
+            return times
+    return 1
+
+
 def repeats(samples: Floats) -> tuple[int, int]:
-    """Return how often every value is stored, and the index of the first one stored as often.
+    """Return how often every value is stored in all channels that change, and the index of the first stored as often.
 
     Parameters
     ----------
@@ -43,33 +63,34 @@ def repeats(samples: Floats) -> tuple[int, int]:
         Samples.
     """
     finite = np.where(np.isfinite(samples), samples, 0.0)
-    changes = np.flatnonzero((finite[1:] != finite[:-1]).any(axis=1)) + 1
-    if len(changes) < CHANGES:
+    changing = [channel for channel in finite.T if channel.size and (channel != channel[0]).any()]
+    times = min((held_for(channel) for channel in changing), default=1)
+    if times == 1:
         return 1, 0
-    times = int(np.gcd.reduce(np.diff(changes)))
-    return times, int(changes[0]) % times
+    return times, int(np.flatnonzero(np.diff(changing[0]) != 0.0)[0] + 1) % times
 
 
-def clipped(samples: Floats) -> float:
-    """Return the part of the samples that stand at an extreme for three samples or more, 0 when they do not pile up.
+def clipped(channel: Floats) -> float:
+    """Return the part of the samples that stand at the largest or the smallest value, 0 if that is no clipping.
 
     Parameters
     ----------
-    samples : ndarray, shape (n, channels)
-        Finite samples.
+    channel : ndarray, shape (n,)
+        Samples.
     """
-    worst = 0.0
-    for channel in samples.T:
-        low, high = float(channel.min()), float(channel.max())
-        if low == high:
-            continue
-        edge = 0.05 * (high - low) / 2.0
-        for at, near in ((channel == high, channel >= high - edge), (channel == low, channel <= low + edge)):
-            held = int((at[2:] & at[1:-1] & at[:-2]).sum())
-            before = int((near & ~at).sum())
-            if held >= max(PILED_LEAST, PILED * len(channel)) and at.sum() >= PILED_RATIO * before:
-                worst += float(at.sum()) / len(channel)
-    return min(worst, 1.0)
+    finite = channel[np.isfinite(channel)]
+    if finite.size < 2 or finite.min() == finite.max():
+        return 0.0
+    share = 0.0
+    for wave in (finite, -finite):
+        at = wave == wave.max()
+        flat = at[1:] & at[:-1]  # a peak that is not clipped has one highest sample
+        runs = int(np.count_nonzero(flat[1:] & ~flat[:-1])) + int(flat[:1].sum())
+        inside = wave[~at]
+        beside = int(np.count_nonzero(inside == inside.max()))
+        if runs >= PILED_RUNS and at.sum() >= PILED_RATIO * beside:
+            share += float(at.mean())
+    return share if share >= PILED else 0.0
 
 
 def conditioned(samples: Floats, sample_rate_hz: float, high_hz: float) -> Conditioned:
@@ -87,6 +108,13 @@ def conditioned(samples: Floats, sample_rate_hz: float, high_hz: float) -> Condi
     notes = []
     good = np.isfinite(samples).all(axis=1)
     whole = samples
+    for k, share in enumerate(clipped(channel) for channel in samples.T):
+        if share > 0.0:
+            which = f" of channel {k}" if samples.shape[1] > 1 else ""
+            notes.append(
+                f"clipped: {100.0 * share:.2g} % of the samples{which} stand at the largest or the smallest value:"
+                " harmonics of a strong line are then made by the recorder"
+            )
     if not good.all():
         notes.append(f"{int((~good).sum())} samples are not finite and were left out")
         at = np.arange(len(samples))
@@ -96,9 +124,6 @@ def conditioned(samples: Floats, sample_rate_hz: float, high_hz: float) -> Condi
     largest = float(np.abs(whole).max(initial=0.0))
     if largest > 0.0:
         whole = np.ldexp(whole, -int(np.floor(np.log2(largest))))
-    piled = clipped(whole)
-    if piled > 0.0:
-        notes.append(f"clipped: {100.0 * piled:.2g} % of the samples stand at the limits of the range")
     step = max(int(sample_rate_hz / (2.5 * high_hz)), 1)
     thin = whole - whole.mean(axis=0)
     if step > 1:

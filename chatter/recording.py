@@ -68,6 +68,8 @@ class RecordingVerdict:
         What a reader should know about the verdict.
     confidence : float
         How sure the verdict is, 0...1; 0 without one.
+    doubt : str or None
+        What makes it less sure.
     """
 
     verdict: Literal["chatter", "stable"] | None
@@ -75,6 +77,7 @@ class RecordingVerdict:
     reason: str | None = None
     notes: tuple[str, ...] = ()
     confidence: float = 0.0
+    doubt: str | None = None
 
 
 def detect_recording(
@@ -215,6 +218,7 @@ def _verdict(
         events=tuple(sorted(events, key=lambda e: e.start)),
         notes=tuple(notes),
         confidence=max(e.confidence for e in free) if free else speed.trust,
+        doubt=speed.doubt,
     )
 
 

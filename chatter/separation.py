@@ -269,9 +269,13 @@ def line_during(
         frequency, power = max(found, key=lambda lines: float(lines[1].max()))
         near_hz = float(frequency[np.argmax(power)])
     close = [np.where(np.abs(frequency - near_hz) <= reach(near_hz), power, 0.0) for frequency, power in found]
-    peaks = [(frequency[np.argmax(near)], near.max()) for (frequency, _), near in zip(found, close, strict=True)]
-    total = float(sum(power for _, power in peaks))
-    return float(sum(hz * power for hz, power in peaks) / total) if total > 0.0 else None
+    at = np.array([frequency[np.argmax(near)] for (frequency, _), near in zip(found, close, strict=True)])
+    power = np.array([near.max() for near in close])
+    if power.max() <= 0.0:
+        return None
+    order = np.argsort(at)
+    half = np.searchsorted(np.cumsum(power[order]), 0.5 * power.sum())  # the median by energy: lines drift
+    return float(at[order[half]])
 
 
 def _candidates(stretches: Sequence[Stretch], band_hz: tuple[float, float]) -> list[float]:

@@ -48,6 +48,13 @@ class Speed:
     notes: tuple[str, ...]
 
     @property
+    def doubt(self) -> str | None:
+        """Why a verdict is less sure, None when it is not."""
+        if self.known:
+            return None
+        return "the signal contradicts the stated speed" if self.contradicted else "the speed is unknown"
+
+    @property
     def trust(self) -> float:
         """How far a verdict can be trusted, 0...1."""
         if self.known:

@@ -17,7 +17,9 @@ from services.importers.vocabulary import words
 
 _RPM = ("rpm", "1/min", "min-1", "u/min")
 _LIKELY_RPM = (60.0, 60000.0)
-_COLUMNS = ("start_s", "end_s", "frequency_hz", "kind")
+_COLUMNS = ("start_s", "end_s", "frequency_hz", "kind", "confidence")
+_SURE = 0.5
+"""Confidence below which a found line is called less sure: half of what is not forced is something else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,16 +49,23 @@ class Detected:
             "rate_hz": self.recording.rate_hz,
             "duration_s": self.recording.duration_s,
             "verdict": self.verdict.verdict,
+            "confidence": self.verdict.confidence if self.verdict.verdict else None,
+            "doubt": self.verdict.doubt,
             "events": [_event(event) for event in self.verdict.events],
             "notes": list(self.notes),
         }
 
+    def _sure(self) -> str:
+        """Return how sure the verdict is, in words."""
+        events = [e for e in self.verdict.events if e.kind == "regenerative"]
+        return _sure(max((e.confidence for e in events), default=1.0), self.verdict.doubt)
+
     def words(self) -> str:
         """Return what was found, as one would say it."""
         recording = self.recording
-        lines = [sentence(event) for event in self.verdict.events]
+        lines = [sentence(event, self.verdict.doubt) for event in self.verdict.events]
         if self.verdict.verdict == "stable":
-            lines.append(f"no chatter in {recording.duration_s:.1f} s")
+            lines.append(f"no chatter in {recording.duration_s:.1f} s, {self._sure()}")
         channels = f"channel{'s' if len(recording.names) > 1 else ''} {', '.join(recording.names)}"
         return "\n".join((*lines, f"({recording.source}, {channels}, {recording.rate_hz:g} Hz)"))
 
@@ -72,7 +81,7 @@ class Detected:
         figure = detection_figure(
             recording.samples, recording.rate_hz, verdict=self.verdict.verdict or "unknown",
             events=[Drawn.of(event) for event in self.verdict.events], band_hz=band_hz, title=title,
-            unit=units.pop() if len(units) == 1 else "", spindle_hz=spindle_hz, tools=tools,
+            said=self._sure(), unit=units.pop() if len(units) == 1 else "", spindle_hz=spindle_hz, tools=tools,
         )  # fmt: skip
         table, answer = out / "events.csv", out / "detect.json"
         with table.open("w", newline="", encoding="utf-8") as file:
@@ -91,23 +100,32 @@ class Drawn:
     end_s: float
     frequency_hz: float
     kind: str
+    confidence: float
 
     @classmethod
     def of(cls, event: Event) -> Drawn:
         """Return an event with the units in its names."""
-        return cls(event.start, event.end, event.frequency_hz, event.kind)
+        return cls(event.start, event.end, event.frequency_hz, event.kind, event.confidence)
 
 
 def _event(event: Event) -> dict[str, Any]:
-    values = (event.start, event.end, event.frequency_hz, event.kind)
+    values = (event.start, event.end, event.frequency_hz, event.kind, event.confidence)
     return dict(zip(_COLUMNS, values, strict=True))
 
 
-def sentence(event: Event) -> str:
-    """Return one event as one would say it."""
+def sentence(event: Event, doubt: str | None = None) -> str:
+    """Return one event as one would say it, with what makes it less sure."""
     what = "forced vibration" if event.kind == "forced" else "chatter"
-    how = "" if event.kind == "forced" else ", regenerative"
-    return f"{what} from {event.start:.1f} s to {event.end:.1f} s at {event.frequency_hz:.0f} Hz{how}"
+    how = (
+        _sure(event.confidence, doubt) if event.kind == "forced" else f"regenerative, {_sure(event.confidence, doubt)}"
+    )
+    return f"{what} from {event.start:.1f} s to {event.end:.1f} s at {event.frequency_hz:.0f} Hz, {how}"
+
+
+def _sure(confidence: float, doubt: str | None) -> str:
+    if doubt is None and confidence >= _SURE:
+        return "sure"
+    return f"less sure: {doubt or 'other vibration is nearly as strong'}"
 
 
 def speed_told(whole: Recording) -> list[str]:

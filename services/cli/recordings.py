@@ -46,6 +46,9 @@ def detect(
     speed_rpm: Annotated[float | None, typer.Option("--speed-rpm", help="Spindle speed (1/min), if known.")] = None,
     tools: Annotated[int | None, typer.Option("--tools", help="Cutting edges or tools in one revolution.")] = None,
     band: BandText = None,
+    sensitivity: Annotated[
+        float, typer.Option("--sensitivity", help="Steps of 3 dB by which every limit is lowered (negative: raised).")
+    ] = 0.0,
     out: OutDir = None,
     as_json: JsonFlag = False,
 ) -> None:
@@ -53,7 +56,7 @@ def detect(
     from chatter import RecordingVerdict, detect_recording
     from services.detected import Detected, left_out, speed_told
     from services.importers.channels import chosen
-    from services.importers.health import ailments, dead, unheld
+    from services.importers.health import dead, unheld
     from services.importers.load import load_recording
 
     if rate_hz is not None:
@@ -62,6 +65,7 @@ def detect(
         require("speed-rpm", speed_rpm, "in (0, 200000] 1/min", 0 < speed_rpm <= 200_000)
     if tools is not None:
         require("tools", tools, "a whole number from 1 to 100", 1 <= tools <= 100)
+    require("sensitivity", sensitivity, "in [-3, 3]", abs(sensitivity) <= 3)
     folder = writable_folder(out)
     whole = load_recording(file, rate_hz, channel or ())
     recording = unheld(chosen(whole, channel))
@@ -69,13 +73,11 @@ def detect(
     limits = parse_band(band, recording.rate_hz)
     reason = dead(recording)
     verdict = RecordingVerdict(verdict=None, reason=reason) if reason else detect_recording(
-        recording.samples, recording.rate_hz, band_hz=limits, spindle_hz=spindle_hz, tools=tools
+        recording.samples, recording.rate_hz, band_hz=limits, spindle_hz=spindle_hz, tools=tools,
+        sensitivity=sensitivity,
     )  # fmt: skip
     others = left_out(whole.names, recording.names) + ([] if speed_rpm else speed_told(whole))
-    found = Detected(
-        recording=recording, verdict=verdict,
-        notes=(*recording.notes, *others, *ailments(recording), *verdict.notes),
-    )  # fmt: skip
+    found = Detected(recording=recording, verdict=verdict, notes=(*recording.notes, *others, *verdict.notes))
     answer = found.as_dict()
     if verdict.reason:
         raise RefusalError(verdict.reason, answer)

@@ -71,9 +71,14 @@ def detection_figure(
     unit: str = "",
     spindle_hz: float | None = None,
     tools: int | None = None,
+    said: str = "",
 ) -> Figure:
-    """Draw waveform, spectrogram and level of a recording, shape (n,) or (n, channels), with every episode found."""
-    figure = new_figure(12.4, 8.0, _heading(title, verdict, events))
+    """Draw waveform, spectrogram and level of a recording, shape (n,) or (n, channels), with every episode found.
+
+    `said` tells how sure the verdict is.
+    """
+    heading = _heading(title, verdict, events)
+    figure = new_figure(12.4, 8.0, f"{heading}, {said}" if said else heading)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=[0.75, 2.0, 1.0])
     samples = np.where(np.isfinite(signal), signal, 0.0)
     samples = samples[:, None] if samples.ndim == 1 else samples
