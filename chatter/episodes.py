@@ -108,8 +108,8 @@ def episodes(parts: Separated, sample_rate_hz: float, ease: float = 1.0) -> list
     total = energies.coherent.sum(axis=0)
     risen = np.where(energies.risen, energies.coherent, 0.0).sum(axis=0)
     kin = _kin(energies, parts)
-    began = risen * ease >= BEGAN * energies.free
-    alone = (kin >= ALONE / (1.0 + 0.2 * np.log2(ease)) * energies.free) & (kin * ease >= PART * energies.whole)
+    began = _holds(risen, energies.free, BEGAN, ease)
+    alone = _holds(kin, energies.free, ALONE, ease) & _holds(kin, energies.whole, PART, ease)
     on = (began | alone) & (total * ease >= LOUD * energies.loud) & (total > 0.0)
     ranges = spans(on)
     leads = [int(np.argmax(energies.coherent[:, a:b].sum(axis=1))) for a, b in ranges]
@@ -118,6 +118,11 @@ def episodes(parts: Separated, sample_rate_hz: float, ease: float = 1.0) -> list
         held = GRID * sum(d - c for (c, d), other in zip(ranges, leads, strict=True) if other == lead)
         out.append(_judged(energies, parts, sample_rate_hz, (a, b), lead, held, ease))
     return out
+
+
+def _holds(power: Floats, whole: Floats, part: float, ease: float) -> Flags:
+    """Return where a power holds a part of the whole; the ease is one of the ratio to what is left."""
+    return np.asarray(power * ease * (1.0 - part) >= part * (whole - power), dtype=np.bool_)
 
 
 def _energies(parts: Separated, sample_rate_hz: float) -> _Energies:
