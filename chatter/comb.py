@@ -152,7 +152,7 @@ def folded(frequency_hz: Floats, fundamental_hz: float, sample_rate_hz: float, s
     return np.asarray(near.any(axis=1), dtype=np.bool_)
 
 
-def stated(lines: Lines, spindle_hz: float) -> Base:
+def stated(lines: Lines, spindle_hz: float, tools: int | None = None) -> Base:
     """Return the comb of a stated speed, corrected by the lines where they tell.
 
     Parameters
@@ -161,6 +161,8 @@ def stated(lines: Lines, spindle_hz: float) -> Base:
         Lines.
     spindle_hz : float
         Stated speed (Hz).
+    tools : int or None
+        Cutting edges that pass per revolution.
     """
     slack = tolerance(lines.frequency_hz, lines.spacing_hz)
     tried = spindle_hz * (1.0 + SPEED_RANGE * np.linspace(-1.0, 1.0, 151))
@@ -169,6 +171,8 @@ def stated(lines: Lines, spindle_hz: float) -> Base:
     best, most = spindle_hz, -1.0
     if len(lines.frequency_hz) and tried.size:
         found = comb_evidence(tried, lines.frequency_hz, slack)
+        if tools is not None and tools > 1:
+            found = np.maximum(found, comb_evidence(tools * tried, lines.frequency_hz, slack))
         far = 0.5 * ((tried / spindle_hz - 1.0) / SPEED_SPREAD) ** 2
         k = int(np.argmax(found - far))
         best, most = float(tried[k]), float(found[k])

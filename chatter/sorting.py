@@ -116,7 +116,7 @@ class _Sorting:
     def take_stated(self, spindle_hz: float, tools: int | None) -> None:
         """Take faint lines on the comb of a stated speed for forced; the strong ones are still looked at."""
         lines = self.lines
-        base = stated(lines, spindle_hz)
+        base = stated(lines, spindle_hz, tools)
         slack = self.slack_hz
         if base.evidence < LEAST:
             slack = self.stated_slack_hz = PRECISION * lines.spacing_hz + SPEED_ERROR * lines.frequency_hz
