@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chatter.comb import (
+    FOLDS,
     LEAST,
     PRECISION,
     Base,
@@ -153,8 +154,10 @@ class _Sorting:
         if found > 0.0 and found >= beside and not self._is_lifted(line, base):
             self._force(base, found, line)
         elif self.stated_hz is None and self._is_train(own, line) and not self._has_sides(line, distances, for_sides):
-            self._force(question.line_hz, 0.0, line)
+            self._force(question.line_hz, self._train_evidence(question.line_hz), line)
             self.kind[self._folded(question.line_hz)] = 1
+        elif self._is_alias(line):
+            self.kind[line] = 1
         else:
             self.kind[own] = 2
             self.kind[line] = 2
@@ -269,6 +272,20 @@ class _Sorting:
         own = own | self._folded(float(self.lines.frequency_hz[line]))
         own[line] = False
         return int(own.sum()) >= RICH_LINES and float(power[own].sum()) >= RICH * float(power[line])
+
+    def _train_evidence(self, fundamental_hz: float) -> float:
+        return float(comb_evidence(np.array([fundamental_hz]), self.lines.frequency_hz, self.slack_hz)[0])
+
+    def _is_alias(self, line: int) -> bool:
+        """Return whether a line is a harmonic of tooth passing at the stated speed, folded down, and not by chance."""
+        if self.stated_hz is None or self.bases[0].evidence < LEAST:
+            return False
+        lines, passing = self.lines, self.stated_hz * (self.tools or 1)
+        places = FOLDS * lines.sample_rate_hz / passing
+        slack = float(tolerance(np.array([lines.sample_rate_hz]), lines.spacing_hz)[0])
+        if 4.0 * slack * places > LUCK * lines.sample_rate_hz or not self.on_stated.any():
+            return False
+        return bool(self._folded(passing)[line] and lines.power[line] <= lines.power[self.on_stated].max())
 
     def _folded(self, fundamental_hz: float) -> Flags:
         lines = self.lines

@@ -9,6 +9,8 @@ from chatter import detect_recording
 from tests.chatter.battery.recipes import RECIPES, made
 from tests.chatter.battery.score import scored
 
+WORDS = ("right", "frequency", "notes")
+
 
 def main() -> None:
     first, count = int(sys.argv[1]), int(sys.argv[2])
@@ -27,9 +29,14 @@ def main() -> None:
             if not result[1]:
                 wrong.append(seed)
         total += row
-        head = f"{name:24} {int(row[1]):3}/{int(row[0]):3}  freq {int(row[3])}/{int(row[2])}  note {int(row[5])}/{int(row[4])}"
-        print(head, "wrong", wrong, flush=True)
-    print(f"right {int(total[1])}/{int(total[0])}, freq {int(total[3])}/{int(total[2])}, notes {int(total[5])}/{int(total[4])}, {spent:.0f} s")
+        sys.stdout.write(f"{name:24} {_said(row)} {'wrong ' + str(wrong) if wrong else ''}\n")
+        sys.stdout.flush()
+    sys.stdout.write(f"{'all':24} {_said(total)} in {spent:.0f} s\n")
+
+
+def _said(row: np.ndarray) -> str:
+    counts = (f"{word} {good:.0f}/{cases:.0f}" for word, (cases, good) in zip(WORDS, row.reshape(3, 2), strict=True))
+    return ", ".join(counts)
 
 
 main()

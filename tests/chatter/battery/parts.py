@@ -119,7 +119,9 @@ def hum(rng: np.random.Generator, time: Floats, size: float) -> Floats:
     )  # fmt: skip
 
 
-def train(rng: np.random.Generator, turn: Floats, teeth: int, runout: float, steep: float, orders: int = 1500) -> Floats:
+def train(
+    rng: np.random.Generator, turn: Floats, teeth: int, runout: float, steep: float, orders: int = 1500
+) -> Floats:
     """A force that repeats with the spindle: pulses of teeth of unequal height; `turn` counts revolutions.
 
     Nothing in it is faster than 45 % of the sampling rate: recorders have a filter.

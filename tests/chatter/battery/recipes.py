@@ -18,6 +18,7 @@ RECIPES = {
     "stable_ramp": stable.ramp,
     "stable_feed": stable.feed,
     "stable_encoder": stable.encoder,
+    "stable_unfiltered": stable.unfiltered,
     "sim_milling_stable": simulated.sim_milling_stable,
     "sim_turning_stable": simulated.sim_turning_stable,
     "chatter_milling": unstable.milling,

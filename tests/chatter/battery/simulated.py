@@ -52,7 +52,8 @@ def _milling(rng, rate, teeth=None, passes=None):
     begin, end = (0.0, arc) if rng.random() < 0.5 else (np.pi - arc, np.pi)
     return Cut(
         spindle_hz=spindle, teeth=teeth, begin=begin, end=end, modes=modes,
-        stiffness=2.0 * modes[0][1] * loguniform(rng, 0.3, 6.0) * max(2.0 * np.pi / (arc * teeth), 1.0), normal=rng.uniform(0.2, 0.6), noise=loguniform(rng, 0.01, 0.1),
+        stiffness=2.0 * modes[0][1] * loguniform(rng, 0.3, 6.0) * max(2.0 * np.pi / (arc * teeth), 1.0),
+        normal=rng.uniform(0.2, 0.6), noise=loguniform(rng, 0.01, 0.1),
         runout=tuple(rng.choice([0.0, 0.05, 0.3]) * rng.normal(size=teeth)), seconds=rng.uniform(2.0, 6.0),
         entry=rng.choice([0.0, 0.6]), seed=int(rng.integers(1 << 30)),
     )  # fmt: skip
@@ -98,7 +99,8 @@ def simulated(rng, draw, wanted, flip=False):
     wave += loguniform(rng, 0.01, 0.3) * coloured(rng, len(wave), rng.uniform(0.0, 1.5))
     return Sample(
         signal=wave, rate_hz=rate, truth=wanted, frequencies_hz=(line,) if wanted == "chatter" else (),
-        spindle_hz=cut.spindle_hz, tools=cut.teeth, told=_told(rng, cut.spindle_hz, cut.teeth, int(rng.integers(1, 3)) if flip else None),
+        spindle_hz=cut.spindle_hz, tools=cut.teeth,
+        told=_told(rng, cut.spindle_hz, cut.teeth, int(rng.integers(1, 3)) if flip else None),
     )  # fmt: skip
 
 
@@ -120,7 +122,3 @@ def sim_turning_stable(rng):
 
 def sim_turning_chatter(rng):
     return simulated(rng, _turning, "chatter")
-
-
-def told(sample, **what):
-    return replace(sample, told=what)

@@ -3,7 +3,20 @@
 import numpy as np
 
 from tests.chatter.battery.parts import (
-    Sample, coloured, fluctuating, gate, hum, knocks, loguniform, mode, rms, room, seconds, tones, train, wandering,
+    Sample,
+    coloured,
+    fluctuating,
+    gate,
+    hum,
+    knocks,
+    loguniform,
+    mode,
+    rms,
+    room,
+    seconds,
+    tones,
+    train,
+    wandering,
 )  # fmt: skip
 
 
@@ -183,5 +196,20 @@ def encoder(rng):
     size = loguniform(rng, 0.1, 0.6)
     wave += moves * size * sum(np.sin(2 * np.pi * k * phase + k) / k for k in (1, 2, 3))
     wave += loguniform(rng, 0.05, 0.3) * coloured(rng, len(time), 0.5) + rng.normal() + 0.3 * time
+    return Sample(signal=wave, rate_hz=rate, truth="stable", spindle_hz=spindle, tools=teeth,
+                  told=_told(rng, spindle, teeth))  # fmt: skip
+
+
+def unfiltered(rng):
+    """Short impacts sampled without a filter: harmonics above half the rate appear where they are not."""
+    rate = float(rng.choice([1600, 2500, 4000, 5000]))
+    time = seconds(rng.uniform(2.0, 6.0), rate)
+    teeth = int(rng.integers(1, 5))
+    spindle = loguniform(rng, 40.0, 0.12 * rate) / teeth
+    angle, steep = (time * spindle * teeth) % 1.0, rng.uniform(0.05, 0.3)
+    wave = np.where(angle < steep, np.sin(np.pi * angle / steep), 0.0)
+    if rng.random() < 0.5:
+        wave = wave * gate(time, 0.2 * time[-1], 0.9 * time[-1], 0.05)
+    wave = wave / rms(wave) + loguniform(rng, 0.02, 0.3) * coloured(rng, len(time), rng.uniform(0.0, 1.0))
     return Sample(signal=wave, rate_hz=rate, truth="stable", spindle_hz=spindle, tools=teeth,
                   told=_told(rng, spindle, teeth))  # fmt: skip

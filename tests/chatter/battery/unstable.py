@@ -3,7 +3,20 @@
 import numpy as np
 
 from tests.chatter.battery.parts import (
-    Sample, coloured, fluctuating, gate, growing, hum, knocks, loguniform, mode, rms, room, seconds, tones, wandering,
+    Sample,
+    coloured,
+    fluctuating,
+    gate,
+    growing,
+    hum,
+    knocks,
+    loguniform,
+    mode,
+    rms,
+    room,
+    seconds,
+    tones,
+    wandering,
 )  # fmt: skip
 from tests.chatter.battery.stable import _rate, _told, forced_milling, milling_speed
 
