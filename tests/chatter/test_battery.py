@@ -31,9 +31,9 @@ def test_it_is_drawn_and_not_stored():
 
 @pytest.mark.parametrize("truth", ["stable", "chatter"])
 def test_most_verdicts_are_right(scores, truth):
-    """Fourteen of fifteen are right over many seeds; of these few, three more may be wrong."""
+    """Over many seeds some 95 % are; the floor leaves room for so few as these."""
     cases, right = of(scores, truth)[:2]
-    assert right >= cases * 14 / 15 - 3
+    assert right >= 0.8 * cases
 
 
 def test_chatter_is_found_at_its_frequency_and_what_was_done_is_said(scores):
