@@ -97,7 +97,7 @@ def hammer_answer(recording: Recording, band_hz: tuple[float, float] | None, sur
     sure
         Whether the user has said which channel is the hammer.
     """
-    from chatter.identification import find_taps, frf_of_taps, modes_of
+    from chatter.identification import find_taps, frf_of_taps
 
     notes = list(recording.notes)
     hammer, responses = hammer_channels(recording, notes, sure)
@@ -105,23 +105,47 @@ def hammer_answer(recording: Recording, band_hz: tuple[float, float] | None, sur
     factors = [si_factor(recording.units[k]) if _known(recording, k) else 1.0 for k in responses]
     try:
         taps = find_taps(force, recording.samples[:, responses] * np.array(factors), recording.rate_hz)
-        frf = frf_of_taps(taps)
-        fit = modes_of(frf, band_hz)
     except ValueError as error:
         raise InputError("file", recording.source, f"a hammer test ({error})") from error
     names = [recording.names[k] for k in responses]
+    found = {
+        "taps": len(taps.start), "double_hits": len(taps.doubled), "rate_hz": recording.rate_hz,
+        "hammer": recording.names[hammer], "responses": names, "notes": [*notes, *taps.notes],
+    }  # fmt: skip
+    return modes_answer(recording.source, frf_of_taps(taps), found, band_hz)
+
+
+def modes_answer(source: str, frf: Any, found: dict[str, Any], band_hz: tuple[float, float] | None) -> Answer:
+    """Return the modes of frequency responses.
+
+    Parameters
+    ----------
+    source
+        File, for messages.
+    frf
+        `chatter.identification.Frf`.
+    found
+        Keys that are known already: `taps`, `responses`, `notes` and more.
+    band_hz
+        Where to look (Hz), None for where there is something.
+    """
+    from chatter.identification import modes_of
+
+    try:
+        fit = modes_of(frf, band_hz)
+    except ValueError as error:
+        raise InputError("file", source, f"one with frequency responses ({error})") from error
     modes = [
         {
             "frequency_hz": m.frequency_hz, "damping_ratio": m.damping_ratio, "frequency_std_hz": m.frequency_std_hz,
-            "damping_std": m.damping_std, "coherence": m.coherence, "peak": m.peak, "channel": names[m.channel],
-            "share": m.share, "resolved": m.resolved,
+            "damping_std": m.damping_std, "coherence": m.coherence, "peak": m.peak,
+            "channel": found["responses"][m.channel], "share": m.share, "resolved": m.resolved,
         }
         for m in fit.modes
     ]  # fmt: skip
     keys: dict[str, Any] = {
-        "modes": modes, "taps": len(taps.start), "double_hits": len(taps.doubled), "band_hz": list(fit.band_hz),
-        "line_hz": float(frf.frequency_hz[1]), "rate_hz": recording.rate_hz, "hammer": recording.names[hammer],
-        "responses": names, "notes": [*notes, *taps.notes, *fit.notes],
+        "modes": modes, **found, "band_hz": list(fit.band_hz),
+        "line_hz": float(frf.frequency_hz[1] - frf.frequency_hz[0]), "notes": [*found["notes"], *fit.notes],
     }  # fmt: skip
     if not modes:
         raise RefusalError("no mode stands out of the noise: tap harder, more often, or give --band", keys)
@@ -134,7 +158,8 @@ def _known(recording: Recording, k: int) -> bool:
 
 def _hammer_words(keys: dict[str, Any]) -> str:
     low, high = keys["band_hz"]
-    lines = [f"{len(keys['modes'])} modes from {keys['taps']} taps, {low:.3g} to {high:.4g} Hz:",
+    source = f"{keys['taps']} taps" if keys["taps"] else "the responses in the file"
+    lines = [f"{len(keys['modes'])} modes from {source}, {low:.3g} to {high:.4g} Hz:",
              "  frequency Hz        damping %          coherence  strongest in"]  # fmt: skip
     for m in keys["modes"]:
         seen = "-" if m["coherence"] is None else f"{m['coherence']:.3f}"

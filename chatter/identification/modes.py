@@ -18,6 +18,8 @@ LEAST_COHERENCE = 0.6
 LEAST_GAIN = 1.5
 """By how much the residual must grow when a mode is left out."""
 LEAST_DAMPING = 2e-5
+MOST_SPREAD = 0.25
+"""Standard deviation over damping of a mode that is still told."""
 BACKGROUND = 3
 """Terms of the polynomial that stands for all other modes."""
 _MOST_TOGETHER = 5
@@ -197,7 +199,7 @@ def _refined(frf: Frf, group: list[Candidate], line: float, alive: NDArray[np.bo
         stds = _standard_deviations(local, x, jacobian, unknowns)
         width = np.maximum(2.0 * poles[:, 1] * poles[:, 0], line)
         moved = np.abs(poles[:, 0] - local.start[:, 0]) > 3.0 * width
-        wide = (poles[:, 1] > 0.2) | (poles[:, 1] < LEAST_DAMPING) | (stds[:, 1] > 0.5) | moved
+        wide = (poles[:, 1] > 0.2) | (poles[:, 1] < LEAST_DAMPING) | (stds[:, 1] > MOST_SPREAD) | moved
         worst = int(np.argmin(np.where(wide, 0.0, gains)))
         if not wide[worst] and gains[worst] >= LEAST_GAIN:
             return _modes(frf, local, group, poles, stds, alive)

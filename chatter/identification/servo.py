@@ -54,6 +54,26 @@ class Friction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Series:
+    """What the fit saw, sample by sample.
+
+    Parameters
+    ----------
+    time, velocity : ndarray, shape (n,)
+        (s) and (m/s).
+    friction : ndarray, shape (n,)
+        Thrust less inertia (N).
+    left : ndarray, shape (n,)
+        What is left of the thrust with friction of each direction (N).
+    """
+
+    time: Floats
+    velocity: Floats
+    friction: Floats
+    left: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ServoFit:
     """What a record tells of an axis; NaN is what it does not tell.
 
@@ -73,6 +93,8 @@ class ServoFit:
         What is left of the thrust at constant speed (N), standard deviation and largest; NaN without constant speed.
     cutoff_hz : float
         Edge of the low-pass (Hz).
+    series : Series
+        Where the axis moves.
     flags : tuple of str
         What is poorly known, and why.
     """
@@ -90,6 +112,7 @@ class ServoFit:
     steady_std: float
     steady_peak: float
     cutoff_hz: float
+    series: Series
     flags: tuple[str, ...] = ()
 
 
@@ -97,6 +120,7 @@ class ServoFit:
 class _Motion:
     """Filtered motion and thrust, and which samples count."""
 
+    time: Floats
     velocity: Floats
     acceleration: Floats
     thrust: Floats
@@ -179,17 +203,18 @@ def _motion(x: Floats, u: Floats, pieces: list[slice], rate: float, cutoff: floa
         low = sosfiltfilt(sections, x[piece] - x[piece][0])
         speed = np.gradient(low) * rate
         inner = slice(edge, -edge)
-        columns.append((speed[inner], (np.gradient(speed) * rate)[inner], sosfiltfilt(sections, u[piece])[inner]))
+        when = np.arange(piece.start, piece.stop)[inner] / rate
+        columns.append((when, speed[inner], (np.gradient(speed) * rate)[inner], sosfiltfilt(sections, u[piece])[inner]))
     if not columns:
         nothing = np.zeros(0)
-        return _Motion(nothing, nothing, nothing, np.zeros(0, dtype=np.bool_), inf, cutoff)
-    velocity, acceleration, thrust = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+        return _Motion(nothing, nothing, nothing, nothing, np.zeros(0, dtype=np.bool_), inf, cutoff)
+    time, velocity, acceleration, thrust = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     noise = max(motion_noise(x[piece]) for piece in pieces)
     of_speed = noise * np.sqrt(2.0 / rate * (2.0 * np.pi) ** 2 * cutoff**3 / 3.0)
     of_acceleration = noise**2 * 2.0 / rate * (2.0 * np.pi) ** 4 * cutoff**5 * _NOISE_INTEGRAL
     still = max(STILL * float(np.abs(velocity).max()), 4.0 * of_speed)
     share = of_acceleration / max(float(np.var(acceleration)), 1e-300)
-    return _Motion(velocity, acceleration, thrust, np.abs(velocity) > still, share, cutoff)
+    return _Motion(time, velocity, acceleration, thrust, np.abs(velocity) > still, share, cutoff)
 
 
 def _chosen(x: Floats, u: Floats, pieces: list[slice], rate: float) -> _Motion:
@@ -229,12 +254,14 @@ def _judged(motion: _Motion, fit: Fit, rate: float) -> ServoFit:
         Friction(viscous=both.value[k], coulomb=both.value[k + 1], viscous_std=both.std[k], coulomb_std=both.std[k + 1])
         for k in (1, 3)
     )
+    model = np.column_stack([a, v * up, up, v * (1.0 - up), up - 1.0]) @ np.nan_to_num(both.value)
+    series = Series(time=motion.time[kept], velocity=v, friction=u - np.nan_to_num(fit.value[0]) * a, left=u - model)
     steady = _left_at_constant_speed(motion, both)
     made = ServoFit(
         mass=fit.value[0], viscous=fit.value[1], coulomb=fit.value[2], offset=fit.value[3],
         std=_four(fit.std), half_width=_four(fit.half_width), relative_error=fit.relative_error,
         forward=forward, backward=backward, asymmetric_error=both.relative_error,
-        steady_std=steady[0], steady_peak=steady[1], cutoff_hz=motion.cutoff_hz,
+        steady_std=steady[0], steady_peak=steady[1], cutoff_hz=motion.cutoff_hz, series=series,
     )  # fmt: skip
     return _flagged(made, motion, v)
 

@@ -16,7 +16,7 @@ group = typer.Typer(name="identify", help="Parameters of a machine from its reco
 app.add_typer(group, name="identify")
 
 File = Annotated[
-    pathlib.Path, typer.Argument(help="Recording: CSV, MAT, HDF5, LVM or WAV.")
+    pathlib.Path, typer.Argument(help="Recording: CSV, TDMS, MAT, LVM, UFF, HDF5, WAV or MCAP.")
 ]
 RateHz = Annotated[float | None, typer.Option("--rate-hz", help="Sampling rate (Hz) of a file that does not tell it.")]
 MapText = Annotated[
@@ -53,12 +53,12 @@ def servo(
                               ("torque-constant", torque_constant, "N m/A")):  # fmt: skip
         if value is not None:
             positive(name, value, unit)
-    writable_folder(out)
+    folder = writable_folder(out)
     said = mapping(map_ or ())
     recording = with_roles(load_recording(file, rate_hz, [one.channel for one in said]), said)
     lead = None if lead_mm is None else 1e-3 * lead_mm
     axis = axis_of(recording, Constants(lead_m=lead, gain=gain, torque_constant=torque_constant))
-    _tell(servo_answer(recording, axis, cutoff_hz), as_json)
+    _tell(servo_answer(recording, axis, cutoff_hz), folder, file.name, as_json)
 
 
 @group.command()
@@ -71,20 +71,33 @@ def hammer(
     as_json: JsonFlag = False,
 ) -> None:
     """Find the modes of a structure in the taps of an impact hammer."""
-    from services.identified import hammer_answer
-    from services.importers.load import load_recording
+    from services.identified import hammer_answer, modes_answer
+    from services.importers.load import frequency_responses, load_recording
     from services.importers.roles import mapping, with_roles
 
     if rate_hz is not None:
         positive("rate-hz", rate_hz, "Hz")
-    writable_folder(out)
+    folder = writable_folder(out)
     said = mapping(map_ or ())
+    ready = frequency_responses(file)
+    if ready is not None:
+        frf, names = ready
+        found = {"taps": None, "double_hits": None, "responses": names, "notes": ["the file holds responses, no taps"]}
+        limits = parse_band(band, 2.0 * float(frf.frequency_hz[-1]))
+        _tell(modes_answer(str(file), frf, found, limits), folder, file.name, as_json)
+        return
     recording = with_roles(load_recording(file, rate_hz, [one.channel for one in said]), said)
     sure = any(one.role == "hammer" for one in said)
-    _tell(hammer_answer(recording, parse_band(band, recording.rate_hz), sure), as_json)
+    _tell(hammer_answer(recording, parse_band(band, recording.rate_hz), sure), folder, file.name, as_json)
 
 
-def _tell(answer: Answer, as_json: bool) -> None:
+def _tell(answer: Answer, folder: pathlib.Path | None, title: str, as_json: bool) -> None:
+    text = answer.text
+    if folder is not None:
+        from services.figures.identified import write_identified
+
+        answer.keys["written"] = write_identified(answer.keys, answer.made, folder, title)
+        text += "".join(f"\nwrote {path}" for path in answer.keys["written"])
     for note in (*answer.keys.get("flags", ()), *answer.keys["notes"]):
         console.print(f"note: {note}", markup=False, highlight=False)
-    emit(answer.keys, answer.text, as_json)
+    emit(answer.keys, text, as_json)

@@ -11,6 +11,7 @@ import numpy as np
 from services.errors import InputError
 from services.importers.channels import ASIDE, answers_to, rank_of
 from services.importers.recording import Recording
+from services.importers.room import room, slices, whole_share
 from services.importers.timebase import epoch_seconds, even, same_rate
 from services.importers.vocabulary import is_index, is_time, rate_from, seconds_per, split_unit, words
 from services.messages import Floats
@@ -39,6 +40,8 @@ class Contents:
         Of the arrays that tell theirs.
     skipped
         What was left out and why, in words.
+    notes
+        What a reader should know.
     """
 
     arrays: dict[str, np.ndarray] = field(default_factory=dict[str, np.ndarray])
@@ -46,6 +49,7 @@ class Contents:
     labels: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
     units: dict[str, str] = field(default_factory=dict[str, str])
     skipped: list[str] = field(default_factory=list[str])
+    notes: list[str] = field(default_factory=list[str])
 
     def add(self, name: str, value: Any) -> None:
         """Keep an array, a number or words; say what is left out."""
@@ -99,17 +103,16 @@ def recording_of(source: str, contents: Contents, rate_hz: float | None, wanted:
     columns = [column for name, array in contents.arrays.items() for column in _columns(name, array, contents)]
     clocks = [column for column in columns if _is_clock(column)]
     signals = [column for column in columns if column not in clocks and not _counts_rows(column)]
-    notes: list[str] = []
+    notes = list(contents.notes)
     group = _group(source, signals, contents, wanted, notes)
     clock = max((c for c in clocks if c.size == group[0].size), key=lambda c: _kinship(c, group), default=None)
     stated = _stated(contents, group, notes)
     step = _even_step(group[0]) if clock is None and len(group) > 1 and group[0].name.endswith("[0]") else None
     if step is not None:
         clock, group = _leading(group, step, stated[1] if stated else rate_hz, notes)
-    samples = np.column_stack([column.values for column in group]).astype(np.float64)
-    samples[~np.isfinite(samples)] = np.nan
+    samples = _stacked(group)
     rate, samples = _rate(source, clock, stated, rate_hz, samples, notes, contents, group)
-    missing = int(np.count_nonzero(~np.isfinite(samples).all(axis=1)))
+    missing = whole_share(samples)
     if missing:
         notes.append(f"{missing} of {len(samples)} samples are not finite numbers and count as gaps")
     names = tuple(column.name for column in group)
@@ -118,6 +121,16 @@ def recording_of(source: str, contents: Contents, rate_hz: float | None, wanted:
         source=source, rate_hz=rate, names=names, units=units, samples=samples, notes=tuple(notes),
         numbers=dict(contents.numbers),
     )  # fmt: skip
+
+
+def _stacked(group: Sequence[_Column]) -> Floats:
+    """Return the channels side by side, shape (n, channels), piece by piece."""
+    samples = room(group[0].size, len(group))
+    for part in slices(len(samples)):
+        for k, column in enumerate(group):
+            samples[part, k] = column.values[part]
+    whole_share(samples)
+    return samples
 
 
 def _columns(name: str, array: np.ndarray, contents: Contents) -> list[_Column]:

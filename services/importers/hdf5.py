@@ -15,6 +15,7 @@ import numpy as np
 from services.errors import InputError
 from services.importers.arrays import Contents, recording_of
 from services.importers.recording import Recording
+from services.importers.room import CHUNK_ROWS, IN_MEMORY_BYTES, room, slices, watched
 
 _BROKEN = (OSError, ValueError, TypeError, KeyError, RuntimeError, IndexError, UnicodeError)
 _UNIT_NAMES = ("unit", "units", "unit_string", "Unit", "Units")
@@ -64,7 +65,22 @@ def _dataset(name: str, item: Any, file: Any, contents: Contents, depth: int) ->
     elif h5py.check_string_dtype(item.dtype) is not None:
         contents.add(name, np.asarray(item.asstr(errors="replace")[()], dtype=object))
     else:
-        contents.add(name, item[()])
+        contents.add(name, _values(item))
+
+
+def _values(item: Any) -> np.ndarray:
+    """Return the numbers of a data set; of a large one piece by piece, the longer side as rows."""
+    if item.dtype.kind not in "biuf" or item.ndim not in (1, 2) or 8 * item.size <= IN_MEMORY_BYTES:
+        return np.asarray(item[()])
+    across = item.ndim == 2 and item.shape[0] < item.shape[1]
+    rows = max(item.shape)
+    out = room(rows, item.size // rows)
+    with watched(str(item.name), rows, CHUNK_ROWS) as advance:
+        for part in slices(rows):
+            piece = item[:, part].T if across else item[part]
+            out[part] = piece.reshape(part.stop - part.start, -1)
+            advance(part.stop - part.start)
+    return out
 
 
 def _compound(name: str, item: Any, contents: Contents) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pathlib
 from collections.abc import Sequence
+from typing import Any
 
 from services.errors import InputError
 from services.importers.recording import Recording
@@ -12,7 +13,7 @@ from services.importers.timebase import same_rate
 from services.importers.wav import read_wav
 
 _TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
-_KNOWN = "a WAV, CSV, MAT or HDF5 file"
+_KNOWN = "a WAV, CSV, TDMS, MAT, LVM, UFF, HDF5 or MCAP file"
 
 
 def load_recording(path: pathlib.Path, rate_hz: float | None = None, channels: Sequence[str] = ()) -> Recording:
@@ -21,7 +22,7 @@ def load_recording(path: pathlib.Path, rate_hz: float | None = None, channels: S
     Parameters
     ----------
     path
-        WAV, CSV, MAT or HDF5 file; what is in it counts, not what it is called.
+        WAV, CSV, TDMS, MAT, LVM, UFF, HDF5 or MCAP file; what is in it counts, not what it is called.
     rate_hz
         Sampling rate (Hz) for files that do not tell; a contradiction is an error.
     channels
@@ -38,21 +39,58 @@ def load_recording(path: pathlib.Path, rate_hz: float | None = None, channels: S
         raise InputError("file", str(path), f"a file that can be read ({error.strerror})") from error
     if head[:4] in (b"RIFF", b"RIFX", b"RF64"):
         return _wav(path, rate_hz)
+    found = _by_library(path, head, rate_hz, channels)
+    if found is not None:
+        return found
+    if path.suffix.lower() in _TEXT:
+        return read_csv(path, rate_hz)
+    raise InputError("file", str(path), f"{_KNOWN} (it begins with {head[:4]!r})")
+
+
+def frequency_responses(path: pathlib.Path) -> tuple[Any, list[str]] | None:
+    """Return frequency responses and their names from a universal file that holds some, else None.
+
+    Parameters
+    ----------
+    path
+        Any file.
+    """
+    if not path.is_file() or path.stat().st_size == 0:
+        return None
+    with path.open("rb") as file:
+        if not file.read(16).lstrip(b"\r\n").startswith(b"    -1"):
+            return None
+    from services.importers.uff import responses_of
+
+    return responses_of(path)
+
+
+def _by_library(path: pathlib.Path, head: bytes, rate_hz: float | None, channels: Sequence[str]) -> Recording | None:
+    """Return a recording in a format that tells itself by its first bytes, None if it is none of them."""
     from services.importers.hdf5 import is_hdf5, read_hdf5
+    from services.importers.lvm import is_lvm, read_lvm
 
     if is_hdf5(path):
         return read_hdf5(path, rate_hz, channels)
+    if is_lvm(head):
+        return read_lvm(path, rate_hz)
     if head.startswith(b"MATLAB") or path.suffix.lower() == ".mat":
         from services.importers.mat import read_mat
 
         return read_mat(path, rate_hz, channels)
-    from services.importers.lvm import is_lvm, read_lvm
+    if head.startswith(b"TDSm") or path.suffix.lower() == ".tdms":
+        from services.importers.tdms import read_tdms
 
-    if is_lvm(head):
-        return read_lvm(path, rate_hz)
-    if path.suffix.lower() in _TEXT:
-        return read_csv(path, rate_hz)
-    raise InputError("file", str(path), f"{_KNOWN} (it begins with {head[:4]!r})")
+        return read_tdms(path, rate_hz, channels)
+    if head.lstrip(b"\r\n").startswith(b"    -1") or path.suffix.lower() in (".uff", ".unv"):
+        from services.importers.uff import read_uff
+
+        return read_uff(path, rate_hz)
+    if head.startswith(b"\x89MCAP") or path.suffix.lower() == ".mcap":
+        from services.importers.mcap import read_mcap
+
+        return read_mcap(path, rate_hz)
+    return None
 
 
 def _wav(path: pathlib.Path, rate_hz: float | None) -> Recording:

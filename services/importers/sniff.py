@@ -56,19 +56,32 @@ class Layout:
 
 def text_of(path: pathlib.Path) -> str:
     """Return the text of a file in UTF-8, UTF-16 or Latin-1, or say that it is none."""
-    raw = path.read_bytes()
+    return decoded(path.read_bytes(), str(path))[0]
+
+
+def decoded(raw: bytes, source: str) -> tuple[str, str]:
+    """Return bytes as text, and the name of its coding.
+
+    Parameters
+    ----------
+    raw
+        A file or its beginning.
+    source
+        For messages.
+    """
+    coding = "utf-8-sig"
     if raw[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
-        return raw.decode("utf-16", errors="replace")
+        return raw.decode("utf-16", errors="replace"), "utf-16"
     try:
-        text = raw.decode("utf-8-sig")
+        text = codecs.getincrementaldecoder("utf-8-sig")().decode(raw, final=False)
     except UnicodeDecodeError:
-        text = raw.decode("latin-1")
+        text, coding = raw.decode("latin-1"), "latin-1"
         odd = sum(letter < " " and letter not in "\t\r\n\f" or "\x7f" <= letter < "\xa0" for letter in text[:4096])
         if odd > 8:
-            raise InputError("file", str(path), "a CSV in text (this looks like binary data)") from None
+            raise InputError("file", source, "a CSV in text (this looks like binary data)") from None
     if "\0" in text[:65536]:
-        raise InputError("file", str(path), "a CSV in text (this looks like binary data)")
-    return text
+        raise InputError("file", source, "a CSV in text (this looks like binary data)")
+    return text, coding
 
 
 def cells_of(line: str, separator: str | None) -> list[str]:

@@ -11,12 +11,15 @@ import numpy as np
 
 from services.errors import InputError
 from services.importers.recording import Recording
-from services.importers.sniff import Layout, cells_of, layout_of, number, text_of
+from services.importers.room import Growing, room, slices, watched, whole_share
+from services.importers.sniff import Layout, cells_of, decoded, layout_of, number, text_of
 from services.importers.timebase import clock_of, epoch_seconds, even, same_rate
 from services.importers.vocabulary import is_index, is_time, seconds_per, split_unit
 from services.messages import Floats
 
 _PROBE = 64
+_LARGE, _HEAD, _PIECE = 1 << 26, 1 << 20, 1 << 24
+"""Bytes from which on a file is read in pieces, of its beginning that is looked at, and of a piece."""
 _LIKELY_HZ = (10.0, 1e7)
 """Of a rate that nobody states."""
 
@@ -26,20 +29,12 @@ def read_csv(path: pathlib.Path, rate_hz: float | None) -> Recording:
 
     Empty cells and words such as `nan` count as missing. Missing rows (steps in time) become gaps.
     """
-    lines = text_of(path).splitlines()
-    if not any(line.strip() for line in lines):
-        raise InputError("file", str(path), "a CSV whose first row names the columns (the file is empty)")
-    layout = layout_of(lines, str(path))
     notes: list[str] = []
-    rows = [line for line in lines[layout.first :] if line.strip()]
-    if len(rows) > 2 and 1 <= len(cells_of(rows[-1], layout.separator)) < len(cells_of(rows[-2], layout.separator)):
-        notes.append("the last line is not whole: it was cut, or is no row; it was left out")
-        rows.pop()
-    values, dated = _values(str(path), rows, layout)
+    layout, values, dated = _large(path, notes) if path.stat().st_size > _LARGE else _small(path, notes)
     clock, signals = _columns(layout, values, dated, rate_hz)
     if not signals:
         raise InputError("file", str(path), f"a CSV with a signal beside the time (columns: {', '.join(layout.names)})")
-    samples, rate = values[:, signals], rate_hz or layout.rate_hz
+    samples, rate = _taken(values, signals), rate_hz or layout.rate_hz
     if clock is not None:
         scale = 1.0 if clock == dated else _scale(layout, clock, values, rate)
         told, samples = even(str(path), scale * epoch_seconds(values[:, clock]), samples, notes, layout.first + 1)
@@ -49,7 +44,7 @@ def read_csv(path: pathlib.Path, rate_hz: float | None) -> Recording:
     elif rate_hz is not None and layout.rate_hz is not None and not same_rate(rate_hz, layout.rate_hz):
         raise InputError("rate-hz", rate_hz, f"the rate stated in {path} ({layout.rate_hz:g} Hz), or left out")
     of_numbers = np.isfinite(samples).any(axis=0)
-    missing = int(np.count_nonzero(~np.isfinite(samples[:, of_numbers]).all(axis=1)))
+    missing = whole_share(samples if of_numbers.all() else samples[:, of_numbers])
     if missing:
         notes.append(f"{missing} of {len(samples)} rows have values that are missing; they count as gaps")
     names, units = zip(*(_named(layout, k) for k in signals), strict=True)
@@ -58,12 +53,63 @@ def read_csv(path: pathlib.Path, rate_hz: float | None) -> Recording:
     )
 
 
+def _small(path: pathlib.Path, notes: list[str]) -> tuple[Layout, Floats, int | None]:
+    """Return layout and table of a file that is read at once, and which of its columns holds dates."""
+    lines = text_of(path).splitlines()
+    if not any(line.strip() for line in lines):
+        raise InputError("file", str(path), "a CSV whose first row names the columns (the file is empty)")
+    layout = layout_of(lines, str(path))
+    rows = [line for line in lines[layout.first :] if line.strip()]
+    _drop_torn(rows, layout, notes)
+    values, dated = _values(str(path), rows, layout)
+    return layout, values, dated
+
+
+def _large(path: pathlib.Path, notes: list[str]) -> tuple[Layout, Floats, int | None]:
+    """Return the same of a file that is read piece by piece.
+
+    Every piece is read behind the first row, so that dates count from there.
+    """
+    with path.open("rb") as file:
+        head, coding = decoded(file.read(_HEAD), str(path))
+    layout = layout_of(head.splitlines()[:-1], str(path))
+    first, dated, table = "", None, Growing(len(layout.names))
+    with (
+        path.open(encoding=coding, errors="replace", newline=None) as text,
+        watched(path.name, path.stat().st_size, _LARGE) as advance,
+    ):
+        for _ in range(layout.first):
+            text.readline()
+        while lines := text.readlines(_PIECE):
+            rows = [line.rstrip("\n") for line in lines if line.strip()]
+            if len(lines) < 2 or not lines[-1].endswith("\n"):
+                _drop_torn(rows, layout, notes)
+            values, dated = _values(str(path), [first, *rows] if first else rows, layout)
+            table.append(values[1:] if first else values)
+            first = first or rows[0]
+            advance(sum(map(len, lines)))
+    return layout, table.whole(), dated
+
+
+def _drop_torn(rows: list[str], layout: Layout, notes: list[str]) -> None:
+    if len(rows) > 2 and 1 <= len(cells_of(rows[-1], layout.separator)) < len(cells_of(rows[-2], layout.separator)):
+        notes.append("the last line is not whole: it was cut, or is no row; it was left out")
+        rows.pop()
+
+
 def _lacking(source: str, layout: Layout) -> str:
     columns = f"the columns {', '.join(layout.names)}" if layout.named else "columns without names"
     return (
         f"given: {source} has {columns}, but neither one of time (time_s, t, timestamp ...) nor a line above them such "
         "as `fs = 25600`"
     )
+
+
+def _taken(values: Floats, signals: list[int]) -> Floats:
+    samples = room(len(values), len(signals))
+    for part in slices(len(values)):
+        samples[part] = values[part][:, signals]
+    return samples
 
 
 def _named(layout: Layout, k: int) -> tuple[str, str]:

@@ -11,6 +11,11 @@ from scipy.io import wavfile
 
 from services.errors import InputError
 from services.importers.recording import Recording
+from services.importers.room import CHUNK_ROWS, room, slices, watched, whole_share
+from services.messages import Floats
+
+_LARGE = 1 << 26
+"""Bytes from which on a file is mapped instead of read."""
 
 
 def read_wav(path: pathlib.Path) -> Recording:
@@ -21,7 +26,7 @@ def read_wav(path: pathlib.Path) -> Recording:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            rate, data = wavfile.read(path)
+            rate, data = _opened(path)
         except (ValueError, EOFError, struct.error, UnboundLocalError, ZeroDivisionError, TypeError) as error:
             raise InputError(
                 "file", str(path), f"a readable WAV file ({error or 'it ends within its header'})"
@@ -31,7 +36,7 @@ def read_wav(path: pathlib.Path) -> Recording:
         raise InputError("file", str(path), f"a WAV file with samples and a rate ({samples.size} samples, {rate} Hz)")
     cut = any("EOF" in str(w.message) or "prematurely" in str(w.message) for w in caught)
     notes = [f"the file ends early: {len(samples) / rate:.2f} s are there, its header announces more"] if cut else []
-    missing = int(np.count_nonzero(~np.isfinite(samples).all(axis=1)))
+    missing = whole_share(samples)
     if missing:
         notes.append(f"{missing} of {len(samples)} samples are not finite numbers and count as gaps")
     channels = samples.shape[1]
@@ -48,11 +53,25 @@ def read_wav(path: pathlib.Path) -> Recording:
     )
 
 
-def _to_float(data: np.ndarray) -> np.ndarray:
+def _opened(path: pathlib.Path) -> tuple[int, np.ndarray]:
+    """Return rate and samples; those of a large file are left where they are until they are needed."""
+    large = path.stat().st_size > _LARGE
+    try:
+        return wavfile.read(path, mmap=large)
+    except ValueError:
+        if not large:
+            raise
+        return wavfile.read(path)  # 24 bits can not be mapped
+
+
+def _to_float(data: np.ndarray) -> Floats:
     columns = data.reshape(len(data), -1) if data.size else data.reshape(0, 1)
-    if columns.dtype.kind == "u":
-        return (columns.astype(np.float64) - 128.0) / 128.0
-    if columns.dtype.kind == "i":
-        return columns.astype(np.float64) / -float(np.iinfo(columns.dtype).min)
-    wide = columns.astype(np.float64)
-    return np.where(np.isfinite(wide), wide, np.nan)
+    out = room(*columns.shape)
+    offset = 128.0 if columns.dtype.kind == "u" else 0.0
+    full = 128.0 if offset else -float(np.iinfo(columns.dtype).min) if columns.dtype.kind == "i" else 1.0
+    with watched("samples", len(out), CHUNK_ROWS) as advance:
+        for part in slices(len(out)):
+            np.subtract(columns[part], offset, out=out[part], dtype=np.float64)
+            out[part] /= full
+            advance(part.stop - part.start)
+    return out
