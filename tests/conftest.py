@@ -17,3 +17,11 @@ settings.load_profile("antiphase")
 def _floating_point_errors():
     with np.errstate(all="raise", under="ignore"):
         yield
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory):
+    """One run of the loop as a recording: path, case, tape."""
+    from tests.recorded import record_loop
+
+    return record_loop(tmp_path_factory.mktemp("recorded") / "run.mcap")

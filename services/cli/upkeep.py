@@ -1,16 +1,14 @@
-"""Verbs for installation and recordings: `certs`, `doctor` and `replay`."""
+"""Verbs for the installation: `certs` and `doctor`."""
 
 from __future__ import annotations
 
-import math
 import pathlib
 from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from services.cli.app import JsonFlag, OutDir, app, console, emit, positive, require, writable_folder
-from services.cli.loop import conclude
+from services.cli.app import JsonFlag, app, emit
 from services.clock import WallClock
 from services.errors import InputError
 
@@ -57,38 +55,3 @@ def doctor(
     lines = [f"{'ok  ' if f.ok else 'FAIL'}  {f.name:18} {f.detail}" for f in found]
     emit({"checks": [asdict(f) for f in found]}, "\n".join(lines), as_json)
     return 0 if all(f.ok for f in found) else 1
-
-
-@app.command()
-def replay(
-    file: Annotated[pathlib.Path, typer.Argument(help="A run.mcap.")],
-    pace: Annotated[float | None, typer.Option("--pace", help="Times real time; default: as fast as it goes.")] = None,
-    start_s: Annotated[float, typer.Option("--from", help="Start of the stretch (s).")] = 0.0,
-    stop_s: Annotated[float | None, typer.Option("--to", help="End of the stretch (s).")] = None,
-    out: OutDir = None,
-    as_json: JsonFlag = False,
-) -> int:
-    """Feed a recording to the monitor and the controller again, and compare what they say with what they said."""
-    from services.replay import replay as play
-
-    if pace is not None:
-        positive("pace", pace, "times real time")
-    require("from", start_s, "0 s or more", start_s >= 0.0)
-    stop = math.inf if stop_s is None else require("to", stop_s, "after --from", stop_s > start_s)
-    folder, clock = writable_folder(out), WallClock()
-    started = clock.now()
-    result = play(file, clock, start_s=start_s, stop_s=stop, pace=pace)
-    seen = result.comparison
-    extra: dict[str, Any] = {
-        "same_as_recorded": seen.same,
-        "compared": dict(seen.compared),
-        "different": dict(seen.different),
-        "examples": seen.examples,
-        "notes": list(result.notes),
-    }
-    for line in (*result.notes, *seen.examples):
-        console.print(f"note: {line}", markup=False, highlight=False)
-    said = "to the bit" if seen.same else f"with {seen.different.total()} differences"
-    text = f"\n{seen.compared.total()} messages compared with the recording: {said}."
-    wall = clock.now() - started
-    return conclude(result.case, result.seed, result.tape, False, folder, wall, as_json, extra=extra, more=text)

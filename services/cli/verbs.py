@@ -2,12 +2,14 @@
 
 from services.cli import (
     analysis,
+    archive,
     bench,
     charts,
     dashboard,
     estimators,
     identify,
     loop,
+    playback,
     recorder,
     recordings,
     reproduce,
@@ -19,12 +21,14 @@ from services.cli import (
 
 __all__ = [
     "analysis",
+    "archive",
     "bench",
     "charts",
     "dashboard",
     "estimators",
     "identify",
     "loop",
+    "playback",
     "recorder",
     "recordings",
     "reproduce",

@@ -6,50 +6,15 @@ import msgspec
 import pytest
 
 from services.clock import WallClock
-from services.closed_loop import Loop, judge
-from services.config import load_case
+from services.closed_loop import judge
 from services.errors import InputError
 from services.messages import ChatterReport, Event, ForceBlock, SampleBlock, TurretCommand
 from services.nodes.recorder import RecorderNode
 from services.recording_file import RecordingReader
-from services.recording_writer import McapRecorder, run_metadata
+from services.recording_writer import McapRecorder
 from services.replay import case_of, replay, run_of
-from services.tape import Tape
 from services.wire import encode
-
-BLOCKS = 330
-"""3.3 s: air, entry, chatter, the first shift and what follows."""
-
-
-class RecordingTape(Tape):
-    """A tape that records beside."""
-
-    def __init__(self, recorder):
-        super().__init__()
-        self.recorder = recorder
-
-    def add(self, message):
-        super().add(message)
-        if type(message).__name__ != "Tick":
-            assert self.recorder.handle(message) == []
-
-
-def metadata_of(case):
-    return run_metadata(
-        case=case.name, seed=7, run="", config=case.text, digest=case.digest, version="0", clock="samples"
-    )
-
-
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory):
-    path = tmp_path_factory.mktemp("replay") / "run.mcap"
-    case = load_case("thesis-652")
-    loop = Loop(case, 7, WallClock())
-    with McapRecorder(path, metadata_of(case)) as recorder:
-        loop.tape = RecordingTape(RecorderNode(recorder, "run", case.settings.sample_rate_hz))
-        for number in range(BLOCKS):
-            loop.step(number)
-    return path, case, loop.tape
+from tests.recorded import BLOCKS, metadata_of
 
 
 def copy(path, target, change, metadata=None):

@@ -9,10 +9,14 @@ import time
 import numpy as np
 import pytest
 
+from services.bus_recorder import BusRecorder
+from services.clock import WallClock
 from services.config import load_case
 from services.messages import Event, SampleBlock
-from services.process import command_line
+from services.playback import publish, serve_recorded_config, stretch
+from services.process import StopSignal, command_line
 from services.recording_file import RecordingReader
+from services.recording_writer import McapRecorder
 from services.zenoh_bus import ZenohBus
 from tests.system.kit import Spy, block, processes, until
 
@@ -96,6 +100,32 @@ def test_what_is_heard_is_in_the_file_and_ctrl_c_ends_it_whole(tmp_path, talker)
     assert wanted.items() <= reader.metadata.items()
     assert json.loads(json.dumps(reader.metadata))["version"]
     assert 0 < len(numbers(full)[0]) < len(got)
+
+
+def test_a_recording_goes_back_onto_a_bus_and_is_recorded_again(tmp_path, recorded):
+    path, clock = tmp_path / "again.mcap", WallClock()
+    with contextlib.ExitStack() as stack:
+        router = stack.enter_context(ZenohBus.router("copy", "tcp/127.0.0.1:0"))
+        bus = stack.enter_context(ZenohBus.client("copy", router.endpoint))
+        writer = stack.enter_context(McapRecorder(path, {}))
+        recorder = BusRecorder(bus, writer, {}, clock=clock, say=lambda _: None)
+        serve_recorded_config(recorded[0], router)
+        _, messages = stretch(recorded[0], stop_s=2.0)
+        played = publish(messages, router, clock, StopSignal(), 20.0)
+
+        def whole():
+            router.answer()
+            recorder.look()
+            return recorder.config_known and recorder.topics.total() >= played.topics.total()
+
+        assert until(whole)
+        assert recorder.gaps.missing() == {}
+        assert recorder.topics == played.topics
+        assert recorder.runs[0].startswith("replay-")
+    got, reader = numbers(path)
+    assert got == list(range(200))
+    assert reader.metadata["case"] == "thesis-652"
+    assert {e.text for _, e, _ in reader.messages() if e.source == "recorder"} == {"replay is alive"}
 
 
 def test_a_recorder_that_is_killed_loses_less_than_100_ms(tmp_path, talker):
