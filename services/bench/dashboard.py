@@ -136,7 +136,10 @@ class _Reader:
 
     def __init__(self, url: str) -> None:
         self.frames = 0
-        self._link = connect(url.replace("http", "ws", 1) + "ws", proxy=None, compression=None)
+        self._stack = ExitStack()
+        self._link = self._stack.enter_context(
+            connect(url.replace("http", "ws", 1) + "ws", proxy=None, compression=None)
+        )
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._read, daemon=True)
 
@@ -154,4 +157,4 @@ class _Reader:
     def __exit__(self, *_: object) -> None:
         self._ended.set()
         self._thread.join(PATIENCE_S)
-        self._link.close()
+        self._stack.close()

@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import urllib.request
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any, Self
 
 from websockets.exceptions import ConnectionClosed
@@ -57,8 +57,9 @@ class Tab:
     def __init__(self, address: str, open_tabs: list[Tab]) -> None:
         self._open = open_tabs
         self._open.append(self)
-        self._link = connect(
-            address, max_size=64 << 20, max_queue=None, ping_interval=None, close_timeout=0.5, proxy=None
+        self._stack = ExitStack()
+        self._link = self._stack.enter_context(
+            connect(address, max_size=64 << 20, max_queue=None, ping_interval=None, close_timeout=0.5, proxy=None)
         )
         self._number = 0
         self.requests: list[str] = []
@@ -123,7 +124,7 @@ class Tab:
         self._open.remove(self)
         with suppress(ConnectionClosed, TimeoutError):
             self.call("Page.close")
-        self._link.close()
+        self._stack.close()
 
 
 class Chromium:
