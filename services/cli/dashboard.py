@@ -8,17 +8,19 @@ from typing import Annotated, Any
 import typer
 
 from services.cli.app import JsonFlag, app, emit, positive
-from services.cli.services import CaseName, Connect, IdentityDir, MachineName, home, known_as
+from services.cli.services import Connect, IdentityDir, MachineName, home, known_as
 from services.clock import WallClock
 from services.config import load_case
 from services.errors import InputError, RefusalError
 from services.process import Stopped, StopSignal
 from services.zenoh_bus import check_endpoint, check_machine
 
+ShownCase = Annotated[str, typer.Argument(help="What is taken to be cut until the machine tells its own case.")]
+
 
 @app.command()
 def dashboard(
-    case: CaseName = "thesis-652",
+    case: ShownCase = "thesis-652",
     connect: Connect = None,
     name: MachineName = None,
     identity: IdentityDir = None,
@@ -65,7 +67,7 @@ def dashboard(
 
 @app.command()
 def watch(
-    case: CaseName = "thesis-652",
+    case: ShownCase = "thesis-652",
     connect: Connect = None,
     name: MachineName = None,
     identity: IdentityDir = None,

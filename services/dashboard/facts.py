@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from dataclasses import dataclass
 from typing import Self
 
-from services.config import Case
+from services.config import Case, case_from_text, load_case, shipped
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,3 +55,16 @@ class Facts:
     def top_hz(self) -> float:
         """Highest frequency of the spectrogram (Hz)."""
         return 1.6 * self.band_hz[1]
+
+
+def told_by(text: str, machine: str) -> Facts:
+    """Return the facts of the configuration that a machine tells, as `Case.text` holds it.
+
+    Raises
+    ------
+    ValueError, LookupError, TypeError
+        For what is no configuration.
+    """
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    name = next((name for name in shipped() if load_case(name).digest == digest), "a case of its own")
+    return Facts.of(case_from_text(name, text), machine)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Protocol
 
 from services.dashboard.view import View
@@ -15,6 +15,8 @@ from services.zenoh_bus import Inbox, Presence, Received, ZenohBus
 
 WAITING = 512
 """Messages of each topic that wait at most; of more, the newest win."""
+ANSWER_S = 1.0
+"""How long the machine has to tell its configuration."""
 
 
 class Feed(Protocol):
@@ -37,6 +39,14 @@ class Feed(Protocol):
         """Return who came or went."""
         ...
 
+    def ask(self) -> None:
+        """Ask the machine for its configuration."""
+        ...
+
+    def told(self) -> str | None:
+        """Return the configuration once it has come, else None."""
+        ...
+
     def publish(self, message: Message) -> None:
         """Send a message."""
         ...
@@ -52,7 +62,15 @@ def pump(feed: Feed, view: View) -> None:
         except DecodeError as error:
             view.sieve.refuse("unreadable", f"{received.topic}: {error}")
             continue
-        view.handle(message)
+        try:
+            view.handle(message)
+        except Exception as error:  # whatever it was: the picture goes on, and says so
+            view.sieve.refuse("unexpected", f"{received.topic}: {type(error).__name__}: {error}")
+    if view.curious():
+        feed.ask()
+    text = feed.told()
+    if text is not None:
+        view.learn(text)
 
 
 class _Ended(Exception):  # noqa: N818  (nobody waits for the bus any more)
@@ -80,6 +98,7 @@ class BusFeed:
         self.where, self._machine = endpoint, machine
         self._identity, self._operator = identity, operator
         self._speaker: ZenohBus | None = None
+        self._answer: Callable[[], str | None] | None = None
         self._bus: ZenohBus | None = None
         self._inbox: Inbox | None = None
         self._presence: Presence | None = None
@@ -113,6 +132,17 @@ class BusFeed:
     def changes(self) -> Iterable[tuple[str, bool]]:
         """Return who came or went."""
         return () if self._bus is None or self._presence is None else self._presence.changes()
+
+    def ask(self) -> None:
+        """Ask the machine for its configuration."""
+        self._answer = None if self._bus is None else self._bus.ask_config(ANSWER_S)
+
+    def told(self) -> str | None:
+        """Return the configuration once it has come, else None."""
+        text = None if self._answer is None else self._answer()
+        if text is not None:
+            self._answer = None
+        return text
 
     def publish(self, message: Message) -> None:
         """Send a message, never waiting for anyone."""

@@ -76,7 +76,6 @@ class Hub:
         self.view, self.feed, self.clock = view, feed, clock
         self.browsers: set[Browser] = set()
         self.dropped = 0
-        self.failures = 0
         self.controls: tuple[str, ...] = ()
         self._frames: dict[Seen, tuple[bytes, Seen]] = {}
         self._number = 0
@@ -84,11 +83,7 @@ class Hub:
 
     def tick(self) -> None:
         """Take in what has come and let every browser have a frame."""
-        try:
-            pump(self.feed, self.view)
-        except Exception as error:  # whatever came: the page goes on, and says so
-            self.failures += 1
-            self.view.sieve.refuse("unexpected", f"{type(error).__name__}: {error}")
+        pump(self.feed, self.view)
         self._number += 1
         self._frames.clear()
         self._state = None

@@ -94,6 +94,13 @@ class Rehearsal:
         found, self._changes = self._changes, []
         return found
 
+    def ask(self) -> None:
+        """Hear that the configuration is wanted; it is known already."""
+
+    def told(self) -> str | None:
+        """Return no other configuration."""
+        return None
+
     def publish(self, message: Message) -> None:
         """Keep what was asked."""
         self.asked.append(message)

@@ -168,7 +168,10 @@ def _ticking(hub: Hub):  # noqa: ANN202
         loop = asyncio.get_running_loop()
         due = loop.time()
         while True:
-            hub.tick()
+            try:
+                hub.tick()
+            except Exception as error:  # the bus itself failed: the page goes on, and says so
+                hub.view.sieve.refuse("unexpected", f"{type(error).__name__}: {error}")
             due = max(due + 1.0 / FRAMES_PER_S, loop.time())
             await asyncio.sleep(due - loop.time())
 

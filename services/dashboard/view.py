@@ -10,7 +10,7 @@ import numpy as np
 
 from pitch import regenerative_phase
 from services.clock import Clock
-from services.dashboard.facts import Facts
+from services.dashboard.facts import Facts, told_by
 from services.dashboard.history import COLUMN_S, ENVELOPES, PLACE, History, decimate
 from services.dashboard.sieve import LARGEST, SILENCE_S, Sieve, plausible
 from services.dashboard.spectra import Spectra
@@ -23,6 +23,9 @@ WINDOW_PI = (0.7, 1.1)
 EXPECTED = ("machine", "monitor", "controller")
 MOST_SERVICES = 16
 EVENTS = 100
+ASK_S = 2.0
+"""How often a machine is asked for its configuration until it tells it."""
+MOST_CONFIG = 1 << 18
 RATES_HZ = (100.0, 1e6)
 LONGEST_BLOCK_S = 5.0
 LIVE = (MachineState, ForceBlock, ChatterReport)
@@ -35,7 +38,7 @@ class View:
     Parameters
     ----------
     facts
-        What is known before.
+        What is taken to be so until the machine tells its configuration.
     clock
         Monotonic.
     """
@@ -52,6 +55,8 @@ class View:
         self.event_count = 0
         self.messages: Counter[str] = Counter()
         self.epoch = 0
+        self._told_run = ""
+        self._asked = -math.inf
         self._alive: dict[str, tuple[bool, float]] = {}
         self._forget()
 
@@ -93,6 +98,29 @@ class View:
             self._alive[service] = came, self._clock.now()
         if service == "machine" and not came:
             self.sieve.vacant = True
+
+    def curious(self) -> bool:
+        """Whether the machine should be asked for its configuration now."""
+        now = self._clock.now()
+        if not self.sieve.run or self.sieve.run == self._told_run or now - self._asked < ASK_S:
+            return False
+        self._asked = now
+        return True
+
+    def learn(self, text: str) -> None:
+        """Take in the configuration that the machine tells; what cannot be read changes nothing."""
+        self._told_run = self.sieve.run
+        try:
+            if len(text) > MOST_CONFIG:
+                raise ValueError(f"{len(text)} characters")
+            facts = told_by(text, self.facts.machine)
+        except (ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+            self.sieve.refuse("unreadable", f"configuration: {error}")
+            return
+        if facts.top_hz != self.facts.top_hz:
+            self.spectra = Spectra(self.rate_hz, facts.top_hz)
+            self.epoch += 1
+        self.facts = facts
 
     def _live(self, message: MachineState | ForceBlock | ChatterReport) -> None:
         topic = topic_of(type(message))

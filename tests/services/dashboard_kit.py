@@ -91,6 +91,7 @@ class HandFeed:
 
     def __init__(self):
         self.waiting, self.peers, self.published, self.there = [], [], [], True
+        self.asked, self.text = 0, None
 
     def say(self, *messages):
         self.waiting += [received(message) for message in messages]
@@ -105,6 +106,13 @@ class HandFeed:
     def changes(self):
         changed, self.peers = self.peers, []
         return changed
+
+    def ask(self):
+        self.asked += 1
+
+    def told(self):
+        text, self.text = self.text, None
+        return text
 
     def publish(self, message):
         self.published.append(message)

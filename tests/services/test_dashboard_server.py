@@ -172,7 +172,7 @@ def test_whatever_goes_wrong_with_a_message_the_page_goes_on(monkeypatch):
     monkeypatch.setattr(hub.view, "handle", lambda _: 1 / 0)
     feed.say(*block(0))
     hub.tick()
-    assert hub.state()["refused"] == {"unexpected": 1}
+    assert hub.state()["refused"] == {"unexpected": 3}
     assert "ZeroDivisionError" in hub.state()["last_refused"]
 
 

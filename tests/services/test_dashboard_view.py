@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import services.dashboard.view as view_module
+from services.config import load_case
 from services.dashboard.feed import pump
 from services.dashboard.frame import Seen, decode_frame, encode_frame
 from services.dashboard.history import PLACE, RESENT
@@ -237,6 +238,40 @@ def test_fields_of_a_newer_minor_version_are_ignored():
     pump(feed, view)
     assert not view.sieve.refused
     assert view.word().word == "STABLE"
+
+
+def test_the_machine_tells_its_own_case():
+    view, clock = make_view()
+    feed = HandFeed()
+    assert not view.curious()
+    for number in range(250):
+        clock.time += 0.01
+        feed.say(*block(number))
+        pump(feed, view)
+    assert feed.asked == 2
+    other = load_case("thesis-738", {"case.machine": "elsewhere", "planner.max_shift_deg": 3.0})
+    feed.text = other.text
+    before = view.epoch
+    pump(feed, view)
+    shown = view.state()
+    assert (shown["machine"], shown["case"], shown["title"]) == ("lathe-1", "a case of its own", other.settings.title)
+    assert shown["band_hz"] == pytest.approx(other.monitor.band_hz)
+    assert shown["shift_limits_deg"] == pytest.approx((0.0, 3.0))
+    assert view.epoch > before
+    assert not view.curious()
+    feed.text = load_case("drift").text
+    pump(feed, view)
+    assert view.facts.case == "drift"
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", "7", "{", "[[1]]", '{"case": 3}', "x" * 10**6, "[" * 10**5])
+def test_a_configuration_that_is_none_is_counted(text):
+    view, clock = make_view()
+    play(view, clock, range(3))
+    before = view.facts
+    view.learn(text)
+    assert view.facts == before
+    assert view.sieve.refused == {"unreadable": 1}
 
 
 def test_events_are_kept_and_cut_to_length():
