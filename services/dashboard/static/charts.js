@@ -1,22 +1,24 @@
 // Four charts on one axis of time, drawn by uPlot.
-const GUTTER = 56;
+// lengths are for a screen whose text is 15 px; on larger ones everything grows with the text
+export const unit = (px) => (px / 15) * parseFloat(getComputedStyle(document.documentElement).fontSize);
+export const font = () => `${Math.round(unit(12))}px system-ui, sans-serif`;
 
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 function axis(more) {
   return {
-    stroke: colour("muted"), font: "12px system-ui, sans-serif", grid: { stroke: colour("line"), width: 1 },
+    stroke: colour("muted"), font: font(), grid: { stroke: colour("line"), width: 1 },
     ticks: { show: false }, ...more,
   };
 }
 
 function options(range, y, series, more = {}) {
   return {
-    width: 300, height: 120, legend: { show: false }, cursor: { show: false }, padding: [6, more.right ?? 12, 0, 0], pxAlign: 0,
+    width: 300, height: 120, legend: { show: false }, cursor: { show: false }, padding: [6, unit(more.right ?? 12), 0, 0], pxAlign: 0,
     scales: { x: { time: false, range }, y },
     axes: [
-      axis({ size: 24, space: 60, incrs: [1, 2, 5, 10], values: (_, ticks) => ticks.map((t) => `${t} s`) }),
-      axis({ size: GUTTER, space: 26, ...more.axis }),
+      axis({ size: unit(24), space: unit(60), incrs: [1, 2, 5, 10], values: (_, ticks) => ticks.map((t) => `${t} s`) }),
+      axis({ size: unit(56), space: unit(26), ...more.axis }),
     ],
     series: [{}, ...series.map((s) => ({ spanGaps: false, points: { show: false }, width: 1.5, ...s }))],
     bands: more.bands, hooks: more.hooks ?? {},
@@ -45,6 +47,7 @@ export class Charts {
   }
 
   build() {
+    this.unit = unit(1);
     for (const { plot } of this.plots) plot.destroy();
     const range = () => this.traces.span;
     const envelope = (row) => {
@@ -99,6 +102,11 @@ export class Charts {
   }
 
   resize() {
+    if (this.plots.length && this.unit !== unit(1)) {
+      this.build();
+      this.draw();
+      return;
+    }
     for (const { plot, box } of this.plots) {
       const width = Math.floor(box.clientWidth), height = Math.floor(box.clientHeight);
       if (width > 60 && height > 40 && (plot.width !== width || plot.height !== height)) plot.setSize({ width, height });

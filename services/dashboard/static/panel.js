@@ -52,7 +52,7 @@ export function showState(state) {
 }
 
 function sourceOf(word) {
-  const said = { air: "learned in air", cutting: "learned in the cut", configured: "configured", none: "none" };
+  const said = { air: "learned in air", cutting: "learned in the cut", configured: "configured", floor: "the least one", none: "none" };
   return said[word] ?? word;
 }
 
@@ -80,7 +80,7 @@ function showPhase(state) {
   put("phase-at", state.last_chatter_hz === null ? "" : `at ${state.last_chatter_hz.toFixed(1)} Hz`);
   const inside = state.phase_pi !== null && low <= state.phase_pi && state.phase_pi <= high;
   put("phase-note", state.phase_pi === null ? "known once chatter was heard" : inside ? "inside the stable window"
-    : `outside the stable window ${low}…${high} π`);
+    : "outside the stable window");
 }
 
 function showServices(state) {

@@ -1,7 +1,8 @@
 // The scrolling spectrogram: bytes of level in a ring of pixels, and what the machine is known to do drawn over it.
-import { colour } from "./charts.js";
+import { colour, font, unit } from "./charts.js";
 
-const LEFT = 56, RIGHT = 42, BOTTOM = 24, TOP = 6;
+const TOP = 6;
+let LEFT = 56, RIGHT = 42, BOTTOM = 24;
 
 function rampOf(text) {
   const stops = text.split(",").map((s) => parseInt(s.trim().slice(1), 16));
@@ -32,6 +33,7 @@ export class Spectrogram {
 
   resize() {
     const ratio = devicePixelRatio || 1;
+    [LEFT, RIGHT, BOTTOM] = [unit(56), unit(42), unit(24)];
     this.canvas.width = Math.round(this.box.clientWidth * ratio);
     this.canvas.height = Math.round(this.box.clientHeight * ratio);
     this.canvas.style.width = `${this.box.clientWidth}px`;
@@ -96,16 +98,16 @@ export class Spectrogram {
   }
 
   scales(context, x, y, top, from, to, width) {
-    context.font = "12px system-ui, sans-serif";
+    context.font = font();
     context.fillStyle = colour("muted");
     context.textBaseline = "middle";
     context.textAlign = "right";
-    const step = [100, 200, 250, 500, 1000, 2000].find((s) => y(0) - y(s) > 26) ?? 5000;
+    const step = [100, 200, 250, 500, 1000, 2000].find((s) => y(0) - y(s) > unit(26)) ?? 5000;
     for (let hz = 0; hz <= top; hz += step) context.fillText(`${hz} Hz`, LEFT - 6, Math.max(y(hz), TOP + 6));
     context.textAlign = "center";
-    const every = [1, 2, 5].find((s) => x(s) - x(0) > 60) ?? 10;
+    const every = [1, 2, 5].find((s) => x(s) - x(0) > unit(60)) ?? 10;
     for (let t = Math.ceil(from / every) * every; t < to; t += every) {
-      if (x(t) > LEFT + 12 && x(t) < width - RIGHT - 8) context.fillText(`${t} s`, x(t), y(0) + 14);
+      if (x(t) > LEFT + 12 && x(t) < width - RIGHT - 8) context.fillText(`${t} s`, x(t), y(0) + unit(14));
     }
   }
 
@@ -121,7 +123,7 @@ export class Spectrogram {
       context.textAlign = "left";
       for (let k = 1; k * tooth <= top; k++) {
         this.segment(context, right, y(k * tooth), right + (k % 5 ? 6 : 10), y(k * tooth));
-        if (k % 5 === 0 && 5 * (y(0) - y(tooth)) > 16) context.fillText(`${k}×`, right + 13, y(k * tooth));
+        if (k % 5 === 0 && 5 * (y(0) - y(tooth)) > unit(16)) context.fillText(`${k}×`, right + unit(13), y(k * tooth));
       }
     }
     this.detected(context, x, y, right);
@@ -143,14 +145,14 @@ export class Spectrogram {
     context.stroke();
     if (last < row.length - 30) return;
     const text = `${row[last].toFixed(1)} Hz`, wide = context.measureText(text).width + 10;
-    const left = Math.min(Math.max(x(time[last]) - wide, LEFT), right - wide), up = Math.max(y(row[last]) - 24, TOP);
+    const left = Math.min(Math.max(x(time[last]) - wide, LEFT), right - wide), up = Math.max(y(row[last]) - unit(24), TOP);
     context.fillStyle = colour("card");
     context.globalAlpha = 0.85;
-    context.fillRect(left, up, wide, 18);
+    context.fillRect(left, up, wide, unit(18));
     context.globalAlpha = 1;
     context.fillStyle = colour("detected");
     context.textAlign = "left";
-    context.fillText(text, left + 5, up + 9);
+    context.fillText(text, left + 5, up + unit(9));
   }
 
   segment(context, x0, y0, x1, y1) {
