@@ -307,30 +307,23 @@ class ZenohBus:
     def subscribe(self, *kinds: type[Any], depth: int = DEPTH) -> Inbox:
         """Return the inbox of what others publish: some types, or everything about the machine without types."""
         wanted = [(self._prefix + topic_of(kind), kind) for kind in kinds] or [(self._prefix + "**", None)]
-        inbox = Inbox(self._prefix, [(self._subscriber(key, depth), kind) for key, kind in wanted])
-        self._open.append(inbox)
-        return inbox
+        recovery = ext.RecoveryConfig(periodic_queries=NEVER, heartbeat=None)
+        return self._inbox([(self._subscriber(key, fifo(depth), recovery=recovery), kind) for key, kind in wanted])
 
     def follow(self, *kinds: type[Any], depth: int) -> Inbox:
         """Return an inbox in which the newest win, for those who only look on; events that were before come too."""
-        inbox = Inbox(self._prefix, [(self._onlooker(kind, depth), kind) for kind in kinds])
-        self._open.append(inbox)
+        history = {Event: ext.HistoryConfig(detect_late_publishers=True)}
+        wanted = [(self._prefix + topic_of(kind), zenoh.handlers.RingChannel(depth), kind) for kind in kinds]
+        return self._inbox(
+            [(self._subscriber(key, ring, history=history.get(kind)), kind) for key, ring, kind in wanted]
+        )
+
+    def _inbox(self, subscribers: list[tuple[Any, type[Message] | None]]) -> Inbox:
+        self._open.append(inbox := Inbox(self._prefix, subscribers))
         return inbox
 
-    def _onlooker(self, kind: type[Message], depth: int) -> Any:
-        key, ring = self._prefix + topic_of(kind), zenoh.handlers.RingChannel(depth)
-        if kind is not Event:
-            return self._session.declare_subscriber(key, ring, allowed_origin=zenoh.Locality.REMOTE)
-        history = ext.HistoryConfig(detect_late_publishers=True)
-        return ext.declare_advanced_subscriber(
-            self._session, key, ring, allowed_origin=zenoh.Locality.REMOTE, history=history
-        )
-
-    def _subscriber(self, key: str, depth: int) -> Any:
-        recovery = ext.RecoveryConfig(periodic_queries=NEVER, heartbeat=None)
-        return ext.declare_advanced_subscriber(
-            self._session, key, fifo(depth), allowed_origin=zenoh.Locality.REMOTE, recovery=recovery
-        )
+    def _subscriber(self, key: str, channel: Any, **how: Any) -> Any:
+        return ext.declare_advanced_subscriber(self._session, key, channel, allowed_origin=zenoh.Locality.REMOTE, **how)
 
     def announce(self, service: str) -> None:
         """Show that a service is alive until `close`, or until the process ends in whatever way."""
@@ -400,4 +393,3 @@ class ZenohBus:
         if self._config is not None:
             self._config[0].undeclare()
         self._session.close()
-
