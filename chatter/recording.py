@@ -12,7 +12,7 @@ from chatter.episodes import Episode, episodes
 from chatter.estimate import Kind
 from chatter.forced import Forced, forced_episodes
 from chatter.separation import Separated, Stretch, separated, sorted_stretches, stretches_of
-from chatter.speed import Speed, contradiction, mains
+from chatter.speed import Speed, confirmed, contradiction, mains
 
 Floats = NDArray[np.float64]
 
@@ -126,6 +126,12 @@ def detect_recording(
     ready = conditioned(samples, sample_rate_hz, wide)
     parts, speed = _parted(ready, (low, high), spindle_hz, tools)
     found = episodes(parts, ready.sample_rate_hz, STEP**sensitivity)
+    if speed.standing == "stated" and _chatters(found):
+        alone, _ = _parted(ready, (low, high), None, None)
+        other = episodes(alone, ready.sample_rate_hz, STEP**sensitivity)
+        if not _chatters(other):  # lines that a speed makes chatter of, which they do not show themselves
+            note = f"the signal does not confirm the stated {60.0 * (spindle_hz or 0.0):.6g} 1/min: judged without them"
+            parts, found, speed = alone, other, Speed(standing="refuted", notes=(*speed.notes, note))
     forced = forced_episodes(parts, ready.sample_rate_hz)
     return _verdict(found, forced, speed, [*notes, *ready.notes, *speed.notes])
 
@@ -197,8 +203,15 @@ def _parted(
     if hum is not None:
         notes.append(f"mains hum at multiples of {hum:g} Hz was set aside")
     parts = separated(ready.samples, ready.sample_rate_hz, band_hz, stretches, length)
-    known = spindle_hz is not None and contradicted is None
-    return parts, Speed(known=known, contradicted=contradicted is not None, notes=tuple(notes))
+    if spindle_hz is None:
+        return parts, Speed(standing="unknown", notes=tuple(notes))
+    if contradicted is not None:
+        return parts, Speed(standing="contradicted", notes=tuple(notes))
+    return parts, Speed(standing="confirmed" if confirmed(stretches) else "stated", notes=tuple(notes))
+
+
+def _chatters(found: Sequence[Episode]) -> bool:
+    return any(e.doubt is None for e in found)
 
 
 def _unknown_speed(stretches: Sequence[Stretch]) -> str:

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter.comb import SPEED_SPREAD, Base, comb_evidence, on_comb, refined, tolerance
+from chatter.comb import LEAST, SPEED_SPREAD, Base, comb_evidence, on_comb, refined, tolerance
 from chatter.lines import Lines
 from chatter.question import Question
 from chatter.separation import Stretch
@@ -25,6 +26,15 @@ FIRST = 8.5
 """Orders among which three must be there: a force has its lowest harmonics, chance has not."""
 OFTEN = 0.5
 """Part of the stretches with a clear fundamental that must contradict."""
+Standing = Literal["confirmed", "stated", "unknown", "refuted", "contradicted"]
+DOUBTS: dict[Standing, str | None] = {
+    "confirmed": None,
+    "stated": None,
+    "unknown": "the speed is unknown",
+    "refuted": "the signal does not confirm the stated speed",
+    "contradicted": "the signal contradicts the stated speed",
+}
+TRUST: dict[Standing, float] = {"confirmed": 1.0, "stated": 1.0, "unknown": 0.8, "refuted": 0.6, "contradicted": 0.6}
 MAINS_HZ, MAINS_ERROR = (50.0, 60.0), 0.002
 """Mains frequencies and how far they stray."""
 
@@ -35,31 +45,37 @@ class Speed:
 
     Parameters
     ----------
-    known : bool
-        Stated, and not contradicted.
-    contradicted : bool
-        Stated wrongly.
+    standing : str
+        ``confirmed`` by the lines, ``stated`` only, stated but ``refuted`` since the lines explain themselves without
+        it, or ``contradicted`` by them; ``unknown`` when it was not stated.
     notes : tuple of str
         What to tell.
     """
 
-    known: bool
-    contradicted: bool
+    standing: Standing
     notes: tuple[str, ...]
 
     @property
     def doubt(self) -> str | None:
         """Why a verdict is less sure, None when it is not."""
-        if self.known:
-            return None
-        return "the signal contradicts the stated speed" if self.contradicted else "the speed is unknown"
+        return DOUBTS[self.standing]
 
     @property
     def trust(self) -> float:
         """How far a verdict can be trusted, 0...1."""
-        if self.known:
-            return 1.0
-        return 0.6 if self.contradicted else 0.8
+        return TRUST[self.standing]
+
+
+def confirmed(stretches: Sequence[Stretch]) -> bool:
+    """Return whether the lines of most stretches show the comb of the stated speed.
+
+    Parameters
+    ----------
+    stretches : sequence of Stretch
+        Lines sorted by the stated speed.
+    """
+    found = [b.evidence for s in stretches for b in s.bases if b.source == "stated"]
+    return bool(found) and float(np.median(found)) >= LEAST
 
 
 def contradiction(stretches: Sequence[Stretch], spindle_hz: float, tools: int | None) -> float | None:

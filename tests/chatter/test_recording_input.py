@@ -11,6 +11,7 @@ from scipy.io import wavfile
 from chatter import detect_recording
 from chatter.condition import clipped, held_for, repeats
 from services.cli import app
+from tests.chatter.battery.recipes import made
 
 RATE = 10000.0
 TIME = np.arange(40000) / RATE
@@ -76,6 +77,13 @@ def test_a_wrong_speed_is_contradicted_and_not_used(signal, truth, factor):
     assert not said(right, "contradict")
     assert right.doubt is None
     assert found.confidence < right.confidence
+
+
+def test_a_speed_that_the_lines_do_not_show_makes_no_chatter_of_them():
+    sample = made("misled_stable", 4)
+    found = detect_recording(sample.signal, sample.rate_hz, **sample.told)
+    assert (found.verdict, found.doubt) == ("stable", "the signal does not confirm the stated speed")
+    assert said(found, "does not confirm the stated")
 
 
 @CUTS
