@@ -31,6 +31,12 @@ SPEEDS = (0.0, -0.02, 0.02, -0.04, 0.04, -0.07, 0.07, -0.1, 0.1, -0.15, 0.15, -0
 """Changes of spindle speed that are tried when no pitch fits."""
 
 
+IN_WINDOW = 81
+"""Pitch differences that are compared within the window of some lines."""
+SLOWER = tuple(0.97**k for k in range(1, 100))
+"""Shares of the spindle speed that are tried when turret 1 can not go far enough for the lines: less needs less."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
     """What a pitch difference must stand.
@@ -146,13 +152,13 @@ def robust_for_process(
         if worst[best] >= 0.0:
             continue
         if change:
-            return _none(line, f"{_room(config)} at {60 * spindle_hz:.0f} 1/min: try {60 * speed:.0f} 1/min")
+            return _none(line, f"{_room(config, diameter)} at {60 * spindle_hz:.0f} 1/min; try {60 * speed:.0f} 1/min")
         found = _found(candidates, np.asarray(worst < 0.0, dtype=np.bool_), best, float(worst[best]), line, speed)
         near = candidates[max(best - 1, 0) : best + 2]
         fine = np.linspace(near[0], near[-1], FINER)
         closer = _worst(processes, cutting_stiffness, speed, fine, stands)
         return _finer(found, float(fine[closer.argmin()]), float(closer.min()), speed)
-    return _none(line, f"{_room(config)}, at no speed within 20 %")
+    return _none(line, f"{_room(config, diameter)}, at no speed within 20 %")
 
 
 def _finer(found: RobustPitch, difference: float, growth: float, spindle_hz: float) -> RobustPitch:
@@ -165,8 +171,11 @@ def _finer(found: RobustPitch, difference: float, growth: float, spindle_hz: flo
     )  # fmt: skip
 
 
-def _room(config: PlannerConfig) -> str:
-    return f"no stable pitch within a shift of {math.degrees(config.max_shift):.1f} deg"
+def _room(config: PlannerConfig, diameter: float) -> str:
+    if reachable(config, config.max_shift, diameter):
+        return f"no stable pitch within a shift of {math.degrees(config.max_shift):.1f} deg"
+    travel = max(abs(end) for end in (*config.x1_travel, *config.y1_travel))
+    return f"no stable pitch within {1e3 * travel:g} mm of travel"
 
 
 def robust_for_lines(
@@ -188,18 +197,43 @@ def robust_for_lines(
     lines = np.array([positive("lines_hz", line) for line in lines_hz])
     if not lines.size:
         raise ValueError("lines_hz must be at least one, got none")
-    candidates = _candidates(config, spindle_hz, float(lines[0]), diameter)
-    if not candidates.size:
-        return _none(float(lines[0]), f"no antiphase within a shift of {math.degrees(config.max_shift):.1f} deg")
-    phase = candidates[:, None] * lines / spindle_hz / math.pi
-    left = np.abs(np.cos(0.5 * math.pi * phase)).max(axis=1)
-    part = phase % 2.0
-    inside = np.asarray(((part >= MEASURED_WINDOW[0]) & (part <= MEASURED_WINDOW[1])).all(axis=1), dtype=np.bool_)
-    if not inside.any():
+    found = _of_lines(lines, spindle_hz, config, diameter)
+    if found is not None:
+        return found
+    if lines.max() * MEASURED_WINDOW[0] > lines.min() * MEASURED_WINDOW[1]:
         widest = f"{lines.min():.0f}..{lines.max():.0f} Hz"
-        return _none(float(lines[0]), f"no pitch puts {widest} between 0.7 and 1.1 pi within the limits of turret 1")
-    best = int(np.where(inside, left, np.inf).argmin())
-    return _found(candidates, inside, best, math.nan, float(lines[0]), spindle_hz)
+        return _none(float(lines[0]), f"no pitch puts {widest} between 0.7 and 1.1 pi at once, at any speed")
+    room = f"{_room(config, diameter)} at {60 * spindle_hz:.0f} 1/min"
+    for change in SLOWER:
+        speed = spindle_hz * change
+        if _of_lines(lines, speed, config, diameter) is not None:
+            return _none(float(lines[0]), f"{room}; try {60 * speed:.0f} 1/min")
+    return _none(float(lines[0]), f"{room}, nor at a twentieth of the speed")
+
+
+def _of_lines(lines: Floats, spindle_hz: float, config: PlannerConfig, diameter: float) -> RobustPitch | None:
+    """Return the pitch difference at one speed, None when none leaves all lines in the measured window."""
+    grid = _candidates(config, spindle_hz, float(lines[0]), diameter)
+    per_pi = math.pi * spindle_hz / lines
+    best: tuple[float, float, float, float] | None = None
+    for turns in np.unique((0.5 * grid[:, None] / per_pi).astype(np.int64), axis=0) if grid.size else ():
+        low = float(((2.0 * turns + MEASURED_WINDOW[0]) * per_pi).max())
+        high = min(float(((2.0 * turns + MEASURED_WINDOW[1]) * per_pi).min()), float(grid[-1]))
+        inside = np.linspace(low, high, IN_WINDOW) if low <= high else np.empty(0)
+        inside = np.array([d for d in inside.tolist() if reachable(config, 0.5 * d, diameter)])
+        if inside.size:
+            left = np.abs(np.cos(0.5 * math.pi * inside[:, None] / per_pi)).max(axis=1)
+            found = (float(left.min()), float(inside[left.argmin()]), float(inside[0]), float(inside[-1]))
+            best = min(best or found, found)
+    if best is None:
+        return None
+    _, difference, low, high = best
+    phase = difference * float(lines[0]) / spindle_hz
+    return RobustPitch(
+        found=True, pitch_difference=difference, frequency_hz=float(lines[0]), phase=phase,
+        order=int(phase // (2.0 * math.pi)), worst_growth=math.nan, window=(low, high),
+        reason="least regeneration of the worst line",
+    )  # fmt: skip
 
 
 def _candidates(config: PlannerConfig, spindle_hz: float, line_hz: float, diameter: float) -> Floats:
@@ -244,11 +278,10 @@ def _found(
         high += 1
     difference = float(candidates[best])
     phase = difference * line / spindle_hz
-    judged = "least regeneration of the worst line" if math.isnan(growth) else f"slowest decay {-growth:.1f} 1/s"
     return RobustPitch(
         found=True, pitch_difference=difference, frequency_hz=line, phase=phase,
         order=int(phase // (2.0 * math.pi)), worst_growth=growth,
-        window=(float(candidates[low]), float(candidates[high])), reason=judged,
+        window=(float(candidates[low]), float(candidates[high])), reason=f"slowest decay {-growth:.1f} 1/s",
     )  # fmt: skip
 
 

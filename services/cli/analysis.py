@@ -8,32 +8,101 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from services.cli.app import JsonFlag, app, emit, positive, require
-from services.errors import RefusalError
+from services.errors import InputError, RefusalError
 
 if TYPE_CHECKING:
     from pitch import OneModeProcess
 
 SpeedRpm = Annotated[float, typer.Option("--speed-rpm", help="Spindle speed (1/min).")]
+Number = float | None
 
 
 @app.command()
 def pitch(
-    chatter_hz: Annotated[float, typer.Option("--chatter-hz", help="Chatter frequency (Hz).")],
-    speed_rpm: SpeedRpm,
+    chatter_hz: Annotated[Number, typer.Option("--chatter-hz", help="One chatter frequency (Hz).")] = None,
+    speed_rpm: Annotated[Number, typer.Option("--speed-rpm", help="Spindle speed (1/min; --case has one).")] = None,
     order: Annotated[
-        int, typer.Option("--order", help="Whole waves M beside the wanted phase: phase (2 M + P) pi.")
+        int, typer.Option("--order", help="Whole waves M beside the wanted phase: phase (2 M + P) pi; else the most.")
     ] = 0,
-    phase_pi: Annotated[float, typer.Option("--phase-pi", help="Wanted phase P in units of pi; 1 is antiphase.")] = 1.0,
-    diameter_mm: Annotated[float, typer.Option("--diameter-mm", help="Diameter at the cutting point (mm).")] = 25.0,
+    phase_pi: Annotated[Number, typer.Option("--phase-pi", help="Wanted phase P in units of pi (default 1).")] = None,
+    diameter_mm: Annotated[Number, typer.Option("--diameter-mm", help="At the cutting point (mm; default 25).")] = None,
+    case: Annotated[str | None, typer.Option("--case", help="Robust pitch for the stretch that a case cuts.")] = None,
+    lines: Annotated[str | None, typer.Option("--lines", help="Robust pitch for chatter lines F1,F2,.. (Hz).")] = None,
+    band: Annotated[str | None, typer.Option("--band", help="Robust pitch for a band LO:HI (Hz).")] = None,
+    travel_mm: Annotated[Number, typer.Option("--travel-mm", help="Travel of both slides (mm).")] = None,
+    max_shift_deg: Annotated[Number, typer.Option("--max-shift-deg", help="Largest shift (deg).")] = None,
+    spread_hz: Annotated[Number, typer.Option("--spread-hz", help="Of natural frequency (--case; 10).")] = None,
+    spread_percent: Annotated[Number, typer.Option("--spread-percent", help="Of stiffness (--case; 30).")] = None,
     as_json: JsonFlag = False,
 ) -> None:
-    """Say where turret 1 must stand so that the two waves meet in the wanted phase."""
+    """Say where turret 1 must stand: for one frequency in a phase, or where it stands most."""
+    asked = {"chatter-hz": chatter_hz, "case": case, "lines": lines, "band": band}
+    given = [name for name, value in asked.items() if value is not None]
+    if len(given) != 1:
+        raise InputError("chatter-hz", ", ".join(given) or None, "given alone, or --case, --lines or --band instead")
+    limits = {"travel-mm": travel_mm, "max-shift-deg": max_shift_deg}
+    spreads = {"spread-hz": spread_hz, "spread-percent": spread_percent}
+    unused = limits | spreads if chatter_hz is not None else {"phase-pi": phase_pi} | ({} if case else spreads)
+    for name, value in unused.items():
+        if value is not None:
+            raise InputError(name, value, f"left out with --{given[0]}")
+    if speed_rpm is not None or case is None:
+        positive("speed-rpm", math.nan if speed_rpm is None else speed_rpm, "1/min")
+        require("speed-rpm", speed_rpm or 0.0, "at most 1000000 1/min", (speed_rpm or 0.0) <= 1e6)
+    if diameter_mm is not None:
+        positive("diameter-mm", diameter_mm, "mm")
+    require("order", order, "a whole number from 0 to 1000", 0 <= order <= 1000)
+    if chatter_hz is not None:
+        answer, text = _one_phase(chatter_hz, speed_rpm or 0.0, order, phase_pi, diameter_mm)
+    else:
+        answer, text = _robust((case, lines, band), speed_rpm, order, diameter_mm, limits, spreads)
+    emit(answer, text, as_json)
+
+
+def _robust(
+    asked: tuple[str | None, str | None, str | None], speed_rpm: Number, order: int, diameter_mm: Number,
+    limits: dict[str, Number], spreads: dict[str, Number],
+) -> tuple[dict[str, Any], str]:  # fmt: skip
+    """Return the keys and the words of the pitch that stands most."""
+    from pitch import robust_for_lines
+    from services import robust_pitch
+    from services.config import load_case
+
+    for name, most in (("travel-mm", 1000.0), ("max-shift-deg", 20.0)):
+        value = limits[name]
+        require(name, value or 1.0, f"above 0 and at most {most:g}", value is None or 0.0 < value <= most)
+    for name, most in (("spread-hz", 500.0), ("spread-percent", 95.0)):
+        value = spreads[name]
+        require(name, value or 0.0, f"from 0 to {most:g}", value is None or 0.0 <= value <= most)
+    name, lines, band = asked
+    known = None if name is None else load_case(name)
+    config = robust_pitch.limits(
+        None if known is None else known.planner, limits["travel-mm"], limits["max-shift-deg"], order
+    )
+    if known is not None:
+        spindle_hz = known.cutting.spindle_hz if speed_rpm is None else speed_rpm / 60.0
+        diameter = known.workpiece.diameter if diameter_mm is None else 1e-3 * diameter_mm
+        hertz, percent = (spreads[key] for key in ("spread-hz", "spread-percent"))
+        found = robust_pitch.case_pitch(
+            known, config, spindle_hz, 10.0 if hertz is None else hertz, 30.0 if percent is None else percent
+        )
+    else:
+        spindle_hz, diameter = (speed_rpm or 0.0) / 60.0, 1e-3 * (diameter_mm or 25.0)
+        wanted = robust_pitch.parse_lines(lines) if lines is not None else robust_pitch.parse_band(band or "")
+        found = robust_for_lines(wanted, spindle_hz, config, diameter)
+    answer = robust_pitch.answer_of(found, spindle_hz, diameter)
+    return answer, robust_pitch.in_words(answer, diameter)
+
+
+def _one_phase(
+    chatter_hz: float, speed_rpm: float, order: int, wanted: Number, diameter: Number
+) -> tuple[dict[str, Any], str]:
+    """Return the keys and the words for one frequency in one phase."""
     from pitch import pitch_difference_for_phase, turret_offset
 
+    phase_pi, diameter_mm = 1.0 if wanted is None else wanted, 25.0 if diameter is None else diameter
     positive("chatter-hz", chatter_hz, "Hz")
-    positive("speed-rpm", speed_rpm, "1/min")
-    positive("diameter-mm", diameter_mm, "mm")
-    require("order", order, "a whole number from 0 to 1000", 0 <= order <= 1000)
+    require("chatter-hz", chatter_hz, "at most 100000 Hz", chatter_hz <= 1e5)
     require("phase-pi", phase_pi, "above 0 and at most 2 (add whole waves with --order)", 0 < phase_pi <= 2)
     phase = (2 * order + phase_pi) * math.pi
     difference = pitch_difference_for_phase(chatter_hz, speed_rpm / 60.0, phase)
@@ -52,7 +121,7 @@ def pitch(
         "slide_x1_um": slide_x1 * 1e6,
         "slide_y1_um": slide_y1 * 1e6,
     }
-    emit(answer, _pitch_words(answer, chatter_hz, speed_rpm, diameter_mm), as_json)
+    return answer, _pitch_words(answer, chatter_hz, speed_rpm, diameter_mm)
 
 
 def _pitch_words(answer: dict[str, float], chatter_hz: float, speed_rpm: float, diameter_mm: float) -> str:
