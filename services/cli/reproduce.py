@@ -16,7 +16,7 @@ from services.errors import InputError
 from services.reproduce.plant import PlantName
 from services.reproduce.rows import Row
 
-NAMES = ("chapter6", "estimators")
+NAMES = ("chapter6", "estimators", "robustness")
 Found = tuple[Iterable[Row], list[pathlib.Path]]
 """Rows, and files that were written."""
 
@@ -41,6 +41,8 @@ def reproduce(
         _add(rows, written, _chapter6(model_of(plant), 1 if seed is None else seed, folder))
     if name in ("estimators", "all"):
         _add(rows, written, _estimators(folder))
+    if name in ("robustness", "all"):
+        _add(rows, written, _robustness(model_of(plant), folder))
     answer = as_table(rows)
     lines = [*(_line(row) for row in answer["rows"]), f"{answer['agree']} of {answer['total']} agree"]
     if answer["unprinted"]:
@@ -77,6 +79,18 @@ def _estimators(folder: pathlib.Path | None) -> Found:
     from services.figures.force_study import write_estimator_figures
 
     return study.rows, write_estimator_figures(study, study_choice(), folder)
+
+
+def _robustness(plant: PlantName, folder: pathlib.Path | None) -> Found:
+    from services.reproduce.robustness import robustness_rows, study_robustness
+
+    with progress_bar("robustness of the pitch") as progress:
+        study = study_robustness(plant, progress)
+    if folder is None:
+        return robustness_rows(study), []
+    from services.figures.robustness import write_robustness
+
+    return robustness_rows(study), [write_robustness(study, folder)]
 
 
 def _line(row: dict[str, Any]) -> str:

@@ -17,10 +17,10 @@ from services.reproduce.plant import PlantName, Progress, hertz, prepared_case
 from services.reproduce.rows import Row, doubted, said
 
 LENGTH = 0.045
-_PLACES = [0.005 * k for k in range(10)]
+PLACES = [0.005 * k for k in range(10)]
 _BARELY = 2.0
 _DB = 20.0 * math.log10(math.e)
-_CHATTER_DB = 20.0
+CHATTER_DB = 20.0
 """What lies between the noise (0.5 um) and the threshold (3.75 um), and a little more."""
 
 
@@ -77,7 +77,7 @@ def cut_phase(plant: PlantName, column: thesis.Phase, seed: int, seeds: int) -> 
     cuts = tuple(cut_open(case, seed + number, shift, LENGTH) for number in range(seeds))
     middle = case.settings.reference_chatter_hz
     envelope = vibration_envelope(cuts[0].vibration_um, cuts[0].rate_hz, (0.75 * middle, 1.25 * middle))
-    roots = roots_of_pass(case, shift, _PLACES)
+    roots = roots_of_pass(case, shift, PLACES)
     root = max(roots, key=lambda root: root.real)
     window = round(0.2 * cuts[0].rate_hz)
     parts = envelope[round(0.15 * cuts[0].rate_hz) :]
@@ -85,7 +85,7 @@ def cut_phase(plant: PlantName, column: thesis.Phase, seed: int, seeds: int) -> 
     return PhaseCut(
         column=column,
         root=root,
-        gain_db=_DB * gain_of_pass(case, roots, _PLACES),
+        gain_db=_DB * gain_of_pass(case, roots, PLACES),
         nearby=_nearby(case, shift) if abs(root.real) < _BARELY else (),
         cuts=cuts,
         noisy=cut_open(prepared_case(plant, "thesis-652", NOISE | bar), seed, shift, LENGTH),
@@ -94,7 +94,7 @@ def cut_phase(plant: PlantName, column: thesis.Phase, seed: int, seeds: int) -> 
 
 
 def _nearby(case: Case, shift: float) -> tuple[float, ...]:
-    return tuple(strongest_of_pass(with_stiffness(case, factor), shift, _PLACES).real for factor in (0.95, 1.05))
+    return tuple(strongest_of_pass(with_stiffness(case, factor), shift, PLACES).real for factor in (0.95, 1.05))
 
 
 def phase_rows(cuts: tuple[PhaseCut, ...]) -> list[Row]:
@@ -108,9 +108,9 @@ def _word(chatter: bool) -> str:
 
 def _linear(cut: PhaseCut) -> Row:
     printed = cut.column.chatter
-    agrees = (cut.gain_db > _CHATTER_DB) == printed
+    agrees = (cut.gain_db > CHATTER_DB) == printed
     why = (
-        f"{_CHATTER_DB:g} dB take the noise to the threshold; largest growth {cut.root.real:+.2f} 1/s over 45 mm from "
+        f"{CHATTER_DB:g} dB take the noise to the threshold; largest growth {cut.root.real:+.2f} 1/s over 45 mm from "
         f"the tip, at {hertz(cut.root):.0f} Hz"
     )
     if cut.nearby:
@@ -120,7 +120,7 @@ def _linear(cut: PhaseCut) -> Row:
         why += "; above pi the strongest root belongs to another family, which a thicker bar calms"
     return said(
         "Fig. 6-19, Table 6-4", f"{cut.column.phase_pi:g} pi at {cut.column.diameter_mm:g} mm: gain of a small wave",
-        f"{'>' if printed else '<'} {_CHATTER_DB:g}", cut.gain_db, agrees, why=why, unit="dB",
+        f"{'>' if printed else '<'} {CHATTER_DB:g}", cut.gain_db, agrees, why=why, unit="dB",
     )  # fmt: skip
 
 
