@@ -43,17 +43,6 @@ def _to_current(thrust, column, e, start, held, counts):
 
 
 @njit(cache=True, fastmath=False)
-def _calm(counts, e, slow):
-    """Low-pass counts in place: twice a first-order lag with the pole e."""
-    first, second = slow[0], slow[1]
-    for i in range(counts.size):
-        first += (1.0 - e) * (counts[i] - first)
-        second += (1.0 - e) * (first - second)
-        counts[i] = second
-    slow[0], slow[1] = first, second
-
-
-@njit(cache=True, fastmath=False)
 def _delay(counts, first, weights, aligned):
     """Write counts as they were ``first`` samples before, between samples where there are weights to do so."""
     newest = counts.size - aligned.size - first
@@ -82,15 +71,15 @@ def _balance(aligned, gains, still, out):
 
 @njit(cache=True, fastmath=False)
 def residuals(
-    motor, stage, thrust, seen, resolution, first, weights, gains, lag, calm, origin, held, slow, history, buffer, out
+    motor, stage, thrust, seen, resolution, first, weights, gains, lag, origin, held, history, buffer, out
 ):
     """Write the force balances, one sample behind the aligned signals.
 
     Parameters: motor, stage, thrust (n, any), thrust without columns where no balance needs it; seen: samples before
     this block; resolution, first (signals,) and weights (signals, taps) of the signals, all motors, then all stages,
     then all thrusts; gains (signals, rows, 3): what level, d1 and d2 of each signal add to each balance; lag (axes,)
-    with held (axes, 2): the current loops; calm: pole of the low-pass of the motors (0: none) with slow (motors, 2);
-    origin (signals,), history (signals, reach): state; buffer (2, reach + n): scratch; out (n, rows).
+    with held (axes, 2): the current loops; origin (signals,), history (signals, reach): state; buffer (2,
+    reach + n): scratch; out (n, rows).
     """
     bad, other = first_non_finite(motor), first_non_finite(stage)
     bad = other if bad == FINE or FINE < other < bad else bad
@@ -117,10 +106,6 @@ def residuals(
         else:
             signal, column = (motor, j) if j < motors else (stage, j - motors)
             origin[j] = _to_counts(signal, column, resolution[j], seen == 0, origin[j], counts[reach:])
-            if calm > 0.0 and j < motors:
-                if seen == 0:
-                    slow[j] = 0.0
-                _calm(counts[reach:], calm, slow[j])
         history[j] = counts[samples:]
         _delay(counts, first[j], weights[j], aligned)
         _balance(aligned, gains[j], reach - seen, out)

@@ -6,7 +6,7 @@ name              lambda       property
 medob             1            independent of the stiffness of the screw; all the noise of the motor encoder
 vibration         -alpha       motor friction and motor encoder noise scaled by alpha = M_t/M_r
 load_side         0            no current, no rotor inertia, no motor friction; needs the stiffness at low frequency
-standing          0            load_side with the motor taken to stand above an edge: its counts no longer make lines
+standing          0            load_side; above an edge the motor moves as its thrust bids, without its counts
 blended           low-pass     1 below an edge, 0 above: for a moving axis with a valid idling table
 dob               (motor)      the drive taken as rigid; wrong from a fraction of its resonance on
 thrust            (command)    what the position loop pushes back with; wrong from a fraction of its bandwidth on
@@ -20,12 +20,11 @@ from numpy.typing import ArrayLike
 
 from chatter.observers.balance import motor_balance, rigid_balance, stage_balance, thrust_itself
 from chatter.observers.linear import Drives, LinearObserver, single_or_turret
+from chatter.observers.motor_motion import MotorMotion
 from chatter.observers.nominal import NominalFeedDrive
 
 BLEND_HZ = 20.0
 """Edge of the blended member when none is given (Hz): below the first tooth-pass line of ordinary milling."""
-STILL_HZ = 100.0
-"""Edge above which the motor of a standing axis does not move: a count of 67 nm is 500 times its motion at 600 Hz."""
 WEIGHTS = {"medob": 1.0, "load_side": 0.0}
 
 
@@ -95,9 +94,10 @@ def linear_observer(
         )
     if name == "standing":
         gains = stage_balance(system, sample_rate_hz)
+        motion = MotorMotion(system.drives, sample_rate_hz, delayed=compensation == "full")
         return LinearObserver(
             name, system, sample_rate_hz, gains, cutoff_hz=cutoff_hz, order=order, compensation=compensation,
-            still_hz=STILL_HZ,
+            motion=motion,
         )  # fmt: skip
     if name == "blended":
         rows = [stage_balance(system, sample_rate_hz), motor_balance(system, sample_rate_hz)]

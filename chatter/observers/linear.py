@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from chatter.blocks import as_block, reject_non_finite
-from chatter.filters import butterworth, group_delay, response, steady_state
+from chatter.filters import BiquadFilterState, butterworth, group_delay, response, steady_state
 from chatter.observers import _kernels
 from chatter.observers.delays import align
+from chatter.observers.motor_motion import MotorMotion
 from chatter.observers.nominal import NominalFeedDrive, NominalTurret, SingleAxis
 from chatter.observers.triple_axis import TripleAxis
 
@@ -37,7 +38,7 @@ class ObserverState:
     seen: int
     origin: Floats
     held: Floats
-    still: Floats
+    motion: tuple[BiquadFilterState, ...]
     history: Floats
     slow: Floats
     delays: Floats
@@ -77,8 +78,8 @@ class LinearObserver:
         Where the latency is told (Hz).
     weight : float or None
         lambda of a member of the two-encoder family of one axis, to be told.
-    still_hz : float or None
-        Frequency above which the motor is taken to stand (Hz); its encoder is low-passed there, not aligned for it.
+    motion : MotorMotion or None
+        What to take for the motor positions instead of what their encoders count.
     """
 
     def __init__(
@@ -96,7 +97,7 @@ class LinearObserver:
         smoothing: Floats | None = None,
         centre_hz: float = 0.0,
         weight: float | None = None,
-        still_hz: float | None = None,
+        motion: MotorMotion | None = None,
     ) -> None:
         if compensation not in ("full", "thrust", "none", "raw"):
             raise ValueError(f"compensation must be full, thrust, none or raw, got {compensation!r}")
@@ -112,14 +113,17 @@ class LinearObserver:
         self.sections = butterworth(order, cutoff_hz, sample_rate_hz) if sections is None else sections
         self.gains = gains
         self.weight = weight
-        self._calm = 0.0 if still_hz is None else float(np.exp(-2.0 * np.pi * still_hz / sample_rate_hz))
-        self.needs_thrust = bool(gains[self._positions :].any())
-        used = slice(None) if self.needs_thrust else slice(self._positions)
+        self.motion = motion
+        self._weighs_thrust = bool(gains[self._positions :].any())
+        self.needs_thrust = self._weighs_thrust or motion is not None
+        used = slice(None) if self._weighs_thrust else slice(self._positions)
         self._alignment = align(self._ages(compensation)[used] * self.sample_rate_hz)
         if smoothing is not None:
             self._alignment = self._alignment.smoothed(smoothing, self._positions)
         self._centre_hz = centre_hz
         self._resolution = np.array(sensors.resolutions)
+        if motion is not None:
+            self._resolution[: self.motors] = 0.0  # no longer whole counts
         unit = np.where(self._resolution > 0.0, self._resolution, 1.0)
         self._scaled = gains[used].copy()
         self._scaled[: self._positions] *= unit[:, None, None]
@@ -144,7 +148,6 @@ class LinearObserver:
         signals = len(self._scaled)
         self._origin = np.zeros(self._positions)
         self._held = np.zeros((self.axes, 2))
-        self._still = np.zeros((self.motors, 2))
         self._history = np.zeros((signals, self._alignment.reach + 2))
         self._slow = np.zeros((self.axes, 2))
         self._delays = np.zeros((self.axes, len(self.sections), 2))
@@ -175,13 +178,15 @@ class LinearObserver:
                 raise ValueError(f"thrust must be of the shape of stage_position {stage.shape}, got {push.shape}")
         if len(motor) != len(stage):
             raise ValueError(f"stage_position must be of the shape of motor_position {motor.shape}, got {stage.shape}")
+        if self.motion is not None and len(stage):
+            motor = self.motion.update(motor, push)
         out = np.empty_like(stage)
         residual = np.empty((len(motor), self._scaled.shape[1]))
         buffer = np.empty((2, self.first_valid_sample + len(motor)))
         first, weights, _ = self._alignment
         bad = _kernels.residuals(
-            motor, stage, push, self._seen, self._resolution, first, weights, self._scaled, self._lag, self._calm,
-            self._origin, self._held, self._still, self._history, buffer, residual,
+            motor, stage, push if self._weighs_thrust else NO_THRUST, self._seen, self._resolution, first, weights,
+            self._scaled, self._lag, self._origin, self._held, self._history, buffer, residual,
         )  # fmt: skip
         if bad >= 0:
             reject_non_finite(np.hstack([motor, stage, push] if push.size else [motor, stage]), bad, self._seen)
@@ -195,11 +200,6 @@ class LinearObserver:
         )
         self._seen += len(motor)
         return out if np.ndim(stage_position) == 2 else out[:, 0]
-
-    @property
-    def calms(self) -> bool:
-        """Whether the motor is taken to stand above some frequency."""
-        return self._calm > 0.0
 
     @property
     def first_valid_sample(self) -> int:
@@ -224,8 +224,8 @@ class LinearObserver:
         signal : int
             Motors first, then stage, then thrust.
         """
-        if self.axes != 1 or self.blends:
-            raise ValueError(f"taps are of one axis without blending, got {self.name} of {self.axes} axes")
+        if self.axes != 1 or self.blends or self.motion:
+            raise ValueError(f"taps are of one axis without blending or motion, got {self.name} of {self.axes} axes")
         level, slope, curve = self.gains[signal, 0]
         kernel = np.array([slope + curve, level - 2.0 * curve, curve - slope])
         first, weights, _ = self._alignment
@@ -253,8 +253,6 @@ class LinearObserver:
         delay = np.stack(
             [(back[:, None] ** (f + np.arange(w.size))) @ w for f, w in zip(first, taps, strict=True)], axis=1
         )
-        if self._calm > 0.0:
-            delay[:, : self.motors] *= (((1.0 - self._calm) / (1.0 - self._calm * back)) ** 2)[:, None]
         lag = np.ones((len(frequency), self.axes), dtype=np.complex128)
         e = self._lag[None, :]
         delay[:, self._positions :] *= np.where(e < 0.0, lag, (1.0 - e) * back[:, None] / (1.0 - e * back[:, None]))[
@@ -267,7 +265,12 @@ class LinearObserver:
             rows = rows[:, : self.axes] + low[:, :, None] * rows[:, self.axes :]
         rows = rows * response(self.sections, frequency, self.sample_rate_hz)[:, None, None]
         missing = np.zeros((*rows.shape[:2], self._positions + self.axes - rows.shape[2]))
-        return np.concatenate([rows, missing], axis=2).astype(np.complex128)
+        found = np.concatenate([rows, missing], axis=2).astype(np.complex128)
+        if self.motion is not None:
+            low, pushed = self.motion.response(frequency)
+            found[:, :, self._positions :] += found[:, :, : self.motors] * pushed[:, None, :]
+            found[:, :, : self.motors] *= low[:, None, None]
+        return found
 
     def set_idling(self, force: ArrayLike) -> None:
         """Take a constant force off the estimate from now on.
@@ -294,6 +297,8 @@ class LinearObserver:
     def reset(self) -> None:
         """Forget every sample; the idling force stays."""
         self._seen = 0
+        if self.motion is not None:
+            self.motion.reset()
 
     def snapshot(self) -> ObserverState:
         """Return a copy of the whole state."""
@@ -301,7 +306,7 @@ class LinearObserver:
             seen=self._seen,
             origin=self._origin.copy(),
             held=self._held.copy(),
-            still=self._still.copy(),
+            motion=() if self.motion is None else self.motion.snapshot(),
             history=self._history.copy(),
             slow=self._slow.copy(),
             delays=self._delays.copy(),
@@ -320,5 +325,6 @@ class LinearObserver:
             raise ValueError(f"state must be of history {self._history.shape}, got {state.history.shape}")
         self._seen = state.seen
         self._origin[:], self._held[:], self._history[:] = state.origin, state.held, state.history
-        self._still[:] = state.still
+        if self.motion is not None:
+            self.motion.restore(state.motion)
         self._slow[:], self._delays[:], self._idling[:] = state.slow, state.delays, state.idling

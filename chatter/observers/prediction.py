@@ -200,7 +200,7 @@ def quantisation_variance(observer: LinearObserver) -> Floats:
         Of one axis.
     """
     counts = observer.drives.sensors.resolutions
-    if observer.blends or observer.calms:
+    if observer.blends or observer.motion is not None:
         hz = (np.arange(_FINE) + 0.5) / _FINE * 0.5 * observer.sample_rate_hz
         gain = observer.weights(hz)[:, 0, : len(counts)]
         return np.array(counts) ** 2 / 12.0 * np.mean(gain.real**2 + gain.imag**2, axis=0)

@@ -1,5 +1,7 @@
 """Every estimator on the two slides of a turret."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -60,7 +62,29 @@ def test_a_hunting_motor_count_makes_no_line_in_a_standing_turret():
     motor, stage = signals(NTY3, (100.0, 50.0), samples=3000)
     hunting = 66.7e-9 * (np.arange(3000) // 14 % 2)[:, None] * np.ones(2)  # one count to and fro, 321 Hz
     sound, still = (turret_observer(name, NTY3, RATE) for name in ("load_side", "standing"))
-    loud, quiet = (abs(phasor(o.update(motor + hunting, stage), 9000.0 / 28)) for o in (sound, still))
-    assert (quiet < 0.15 * loud).all()
+    calm = np.zeros_like(stage)
+    made = []
+    for observer in (sound, still):
+        shaken = observer.update(motor + hunting, stage, calm)
+        observer.reset()
+        made.append(np.abs(phasor(shaken - observer.update(motor, stage, calm), 9000.0 / 28)))
+    assert (made[1] < 0.015 * made[0]).all()
     still.reset()
-    np.testing.assert_allclose(np.abs(phasor(still.update(motor, stage), 612.0)), [100.0, 50.0], rtol=0.05)
+    np.testing.assert_allclose(np.abs(phasor(still.update(motor, stage, calm), 612.0)), [100.0, 50.0], rtol=0.05)
+
+
+def test_what_a_thrust_does_to_a_motor_is_no_force_of_the_cut():
+    time, hz, thrust = np.arange(9000) / RATE, 325.0, 180.0
+    swing = 2j * np.pi * hz
+    pushed, away = [], []
+    for drive in NTY3.drives:
+        lag = drive.omega_current / (swing + drive.omega_current) * np.exp(-swing * (drive.thrust_delay + 0.5 / RATE))
+        pushed.append(thrust * lag / (drive.rotor_mass * swing**2) * np.exp(-swing * drive.motor_delay))
+        away.append(drive.screw_stiffness * abs(pushed[-1]))  # what a motor taken to stand would leave, some 2 N
+    motor = (np.array(pushed) * np.exp(swing * time)[:, None]).real
+    push = np.repeat(thrust * np.exp(swing * time).real[:, None], 2, axis=1)
+    fine = replace(NTY3, **{a: replace(getattr(NTY3, a), motor_resolution=0.0) for a in ("x1", "y1")})
+    given = motor, np.zeros_like(motor), push
+    force, known = (turret_observer(name, fine, RATE).update(*given)[4500:] for name in ("standing", "load_side"))
+    assert min(away) > 1.0
+    assert (np.abs(phasor(force - known, hz)) < 0.1 * np.abs(phasor(known, hz))).all()
