@@ -76,7 +76,7 @@ def run_demo(
     name
         The case as on the command line, for the children.
     case
-        The same case.
+        The same case; the sensitivity of its monitor may be another.
     seed
         Of the plant's noise.
     clock
@@ -99,7 +99,10 @@ def run_demo(
     RefusalError
         If a process cannot start.
     """
-    plan = Plan(case=name, machine=case.settings.machine, seed=seed, arm_after_s=arm_after_s, lasts=lasts)
+    plan = Plan(
+        case=name, machine=case.settings.machine, seed=seed, arm_after_s=arm_after_s, lasts=lasts,
+        sensitivity=case.monitor.sensitivity,
+    )  # fmt: skip
     seen = Demonstration(tape=Tape())
     children: dict[str, Child] = {}
     with term_interrupts(), private_folder() as folder, ZenohBus.router(plan.machine, listen) as bus:

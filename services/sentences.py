@@ -24,6 +24,7 @@ class Verdict:
 
 LIMIT_SOURCES = {
     "air": "learned in air",
+    "floor": "from the noise of the present cut",
     "configured": "configured, until learned",
     "cutting": "learned in quiet cutting",
     "reference": "learned from a reference",

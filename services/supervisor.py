@@ -47,6 +47,8 @@ class Plan:
         Options of `machine` that say how long it goes on.
     identity
         Folder of certificates; without one only this computer reaches the bus.
+    sensitivity
+        Of the monitor; None: the case's.
     """
 
     case: str
@@ -55,12 +57,14 @@ class Plan:
     arm_after_s: float | None = None
     lasts: tuple[str, ...] = ()
     identity: pathlib.Path | None = None
+    sensitivity: float | None = None
 
     def line(self, service: str, endpoint: str, *more: str) -> list[str]:
         """Return how to start a service that connects to `endpoint`."""
         common = ("--machine", self.machine, "--connect", endpoint, "--json", "--child")
         proof = () if self.identity is None else ("--identity", str(self.identity))
-        return command_line(service, self.case, *common, *proof, *more)
+        told = () if self.sensitivity is None or service != "monitor" else (f"--sensitivity={self.sensitivity}",)
+        return command_line(service, self.case, *common, *proof, *told, *more)
 
     def router_line(self, endpoint: str) -> list[str]:
         """Return how to start the router."""

@@ -29,6 +29,10 @@ console = Console(stderr=True)
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
 OutDir = Annotated[pathlib.Path | None, typer.Option("--out", help="Folder for what is written.")]
 Seed = Annotated[int | None, typer.Option("--seed", help="Seed of every random number (default: the case's).", min=0)]
+Sensitivity = Annotated[
+    float | None,
+    typer.Option("--sensitivity", help="Steps of 3 dB off every limit of the monitor, -3..3 (default: the case's)."),
+]
 
 INTERRUPTED = 1
 
@@ -43,6 +47,13 @@ def require(field: str, value: float, rule: str, holds: bool) -> float:
     if not math.isfinite(value) or not holds:
         raise InputError(field, value, rule)
     return value
+
+
+def sensitive(steps: float | None) -> dict[str, Any]:
+    """Return what `--sensitivity` changes in a case."""
+    if steps is None:
+        return {}
+    return {"monitor.sensitivity": require("sensitivity", steps, "in -3..3", abs(steps) <= 3.0)}
 
 
 def writable_folder(out: pathlib.Path | None) -> pathlib.Path | None:

@@ -14,7 +14,20 @@ from typing import Annotated, Any, Literal
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from services.cli.app import INTERRUPTED, JsonFlag, OutDir, Seed, app, console, emit, positive, require, writable_folder
+from services.cli.app import (
+    INTERRUPTED,
+    JsonFlag,
+    OutDir,
+    Seed,
+    Sensitivity,
+    app,
+    console,
+    emit,
+    positive,
+    require,
+    sensitive,
+    writable_folder,
+)
 from services.clock import WallClock
 from services.closed_loop import Outcome, judge, run_loop
 from services.config import Case, load_case
@@ -84,10 +97,11 @@ def run(
     seed: Seed = None,
     out: OutDir = None,
     arm_after_s: ArmAfter = 0.0,
+    sensitivity: Sensitivity = None,
     as_json: JsonFlag = False,
 ) -> int:
     """Run the closed loop of a case in lockstep in one process, as fast as it can."""
-    return _loop(case, seed, out, arm_after_s, as_json)
+    return _loop(*_announced(case, seed, arm_after_s, sensitivity, as_json), out, arm_after_s, as_json)
 
 
 @app.command()
@@ -96,13 +110,14 @@ def demo(
     seed: Seed = None,
     out: OutDir = None,
     arm_after_s: ArmAfter = 0.0,
+    sensitivity: Sensitivity = None,
     as_json: JsonFlag = False,
 ) -> int:
     """Show a case from chatter to silence: machine, monitor and controller as three processes in real time."""
     from services.demo import run_demo
     from services.recording_writer import McapRecorder
 
-    config, used = _announced(case, seed, arm_after_s, as_json)
+    config, used = _announced(case, seed, arm_after_s, sensitivity, as_json)
     folder = writable_folder(out or pathlib.Path("runs") / config.name) or pathlib.Path()
     clock = WallClock()
     started = clock.now()
@@ -125,9 +140,11 @@ def _say(text: str) -> None:
     console.print(text, markup=False, highlight=False)
 
 
-def _announced(name: str, seed: int | None, arm_after_s: float, as_json: bool) -> tuple[Case, int]:
+def _announced(
+    name: str, seed: int | None, arm_after_s: float, sensitivity: float | None, as_json: bool
+) -> tuple[Case, int]:
     """Return the case and the seed, after checking and saying what is about to happen."""
-    case = load_case(name)
+    case = load_case(name, sensitive(sensitivity))
     longest = case.settings.air_time + case.settings.cut_time
     require("arm-after-s", arm_after_s, f"in 0..{longest:g} s, the length of the case", 0 <= arm_after_s <= longest)
     used = case.settings.seed if seed is None else seed
@@ -137,8 +154,7 @@ def _announced(name: str, seed: int | None, arm_after_s: float, as_json: bool) -
     return case, used
 
 
-def _loop(name: str, seed: int | None, out: pathlib.Path | None, arm_after_s: float, as_json: bool) -> int:
-    case, used = _announced(name, seed, arm_after_s, as_json)
+def _loop(case: Case, used: int, out: pathlib.Path | None, arm_after_s: float, as_json: bool) -> int:
     folder = writable_folder(out)
     clock = WallClock()
     started = clock.now()

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from services.bus import Node
-from services.cli.app import JsonFlag, Seed, app, console, emit, positive, require
+from services.cli.app import JsonFlag, Seed, Sensitivity, app, console, emit, positive, require, sensitive
 from services.clock import WallClock, utc_now
 from services.config import Case, load_case
 from services.doubts import doubts_of, notes, refusing
@@ -174,13 +174,14 @@ def monitor(
     listen: Listen = None,
     name: MachineName = None,
     identity: IdentityDir = None,
+    sensitivity: Sensitivity = None,
     as_json: JsonFlag = False,
     child: Child = False,
     reserve: Reserve = False,
     shelf: Shelf = None,
 ) -> None:
     """Watch the servo signals of a machine for chatter, until stopped."""
-    config = load_case(case)
+    config = load_case(case, sensitive(sensitivity))
 
     def make(run: str) -> Node:
         from services.nodes.monitor import MonitorNode
@@ -323,12 +324,13 @@ def up(
     forever: Annotated[bool, typer.Option("--forever", help="Until stopped.")] = False,
     arm_after_s: ArmAfter = None,
     identity: IdentityDir = None,
+    sensitivity: Sensitivity = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Start router, machine, monitor and controller, and start again what dies."""
     from services.supervisor import Plan, keep_up
 
-    config = load_case(case)
+    config = load_case(case, sensitive(sensitivity))
     lasts = ["--forever"] if forever else []
     if duration_s is not None and not forever:
         lasts = ["--duration-s", str(positive("duration-s", duration_s, "s"))]
@@ -339,6 +341,7 @@ def up(
         arm_after_s=arm_after_s,
         lasts=tuple(lasts),
         identity=identity,
+        sensitivity=config.monitor.sensitivity,
     )
     say(f"{config.name}: {config.settings.title}" + notes(doubts_of(config)))
     with StopSignal() as stop:
