@@ -9,6 +9,7 @@ _EXPORTS = {
     "Detector": "chatter.detector",
     "ChatterMonitor": "chatter.monitor",
     "MonitorConfig": "chatter.estimate",
+    "ChatterLine": "chatter.estimate",
     "LoadSideObserver": "chatter.observers.load_side",
     "MovingVariance": "chatter.moving_variance",
     "Event": "chatter.recording",

@@ -13,8 +13,15 @@ SLOWEST, FASTEST = 5.0, 90.0
 """Growth rates of an onset (1/s): a stable cut falls back at 5 1/s or faster, a blow rises within less than 10 ms."""
 BEGUN = 0.5
 """Amplitude over its limit from which the growth of a line counts: twice as much has to grow yet."""
-CLEAR = 0.7
+CLEAR = 0.6
 """Share of the signal that lines must explain while they are seen to grow."""
+ENTRY = 4
+"""Blocks after the entry in which growth is that of the blow."""
+USUAL, FEW = 100, 20
+"""Blocks whose median amplitude is the usual one, and how many it takes to know it."""
+LEAK = 1
+RISE = 2.0
+"""Amplitude over the usual one that an onset reaches."""
 SAME = 2
 """Blocks in a row in which the main line must be found at the same frequency: what rings after a blow wanders."""
 JUMP = 4.0
@@ -45,6 +52,10 @@ class Evidence:
         Growth rate of the regenerative lines (1/s).
     seen : int
         Blocks in a row in which the main line was found at the same frequency.
+    level : float
+        Squared amplitude of the band in the last 20 ms.
+    age : int
+        Blocks since start, entry or exit.
     """
 
     fresh: float = 0.0
@@ -54,6 +65,8 @@ class Evidence:
     explained: float = 0.0
     growth: float = 0.0
     seen: int = 0
+    level: float = 0.0
+    age: int = 0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -66,6 +79,7 @@ class _Memory:
     lowered: int = 0
     resumes: bool = False
     squares: deque[float] = field(default_factory=deque[float])
+    levels: deque[float] = field(default_factory=deque[float])
 
 
 class Alarm:
@@ -129,12 +143,11 @@ class Alarm:
             What the block says.
         """
         memory = self._memory
-        memory.squares.append(seen.square)
-        if len(memory.squares) > self._standing + 1:
-            memory.squares.popleft()
+        self._keep(seen)
         blow = seen.fresh > JUMP**2 * max(memory.fresh, BEGUN**2)
         growing = SLOWEST <= seen.growth <= FASTEST and seen.explained >= CLEAR and seen.fresh >= BEGUN**2 and not blow
-        memory.grown, memory.fresh = memory.grown + 1 if growing else 0, seen.fresh
+        growing &= seen.age > ENTRY
+        memory.grown, memory.fresh = memory.grown + 1 if growing else max(memory.grown - LEAK, 0), seen.fresh
         memory.over = growing and seen.fresh >= 1.0
         coherent = seen.regenerative and seen.explained >= COHERENT
         memory.stood = memory.stood + 1 if seen.both and coherent else 0
@@ -143,9 +156,26 @@ class Alarm:
             memory.on = memory.lowered < self._window_blocks
             return False
         onset = memory.grown >= self._confirm and seen.seen >= SAME and coherent and seen.fresh >= 1.0
-        memory.on = onset or self._stands()
+        memory.on = (onset and self._rises(seen.level)) or self._stands()
         memory.resumes = memory.resumes and not memory.on
         return memory.on
+
+    def _keep(self, seen: Evidence) -> None:
+        """Remember what was usual in the last second of this cut, after the blow of the entry."""
+        memory = self._memory
+        memory.squares.append(seen.square)
+        if len(memory.squares) > self._standing + 1:
+            memory.squares.popleft()
+        if seen.age <= self._window_blocks:
+            memory.levels.clear()
+        memory.levels.append(seen.level)
+        if len(memory.levels) > USUAL:
+            memory.levels.popleft()
+
+    def _rises(self, level: float) -> bool:
+        """Return whether the vibration is well over what was usual, as far as that is known."""
+        levels = sorted(self._memory.levels)
+        return len(levels) < FEW or level >= RISE**2 * levels[len(levels) // 2]
 
     def _stands(self) -> bool:
         memory = self._memory

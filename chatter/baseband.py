@@ -53,11 +53,12 @@ class Baseband:
         kernel = smoothing(self.step)
         self._each = block // self.step
         turns = centre_hz / sample_rate_hz
-        self._matrix = np.zeros((self._each, block + len(kernel) - self.step), dtype=np.complex128)
+        matrix = np.zeros((self._each, block + len(kernel) - self.step), dtype=np.complex128)
         for row in range(self._each):
             start = row * self.step
             index = np.arange(start, start + len(kernel))
-            self._matrix[row, index] = kernel * np.exp(-2j * np.pi * turns * (index - (len(kernel) - self.step)))
+            matrix[row, index] = kernel * np.exp(-2j * np.pi * turns * (index - (len(kernel) - self.step)))
+        self._parts = np.concatenate([matrix.real, matrix.imag])
         self._turns = (turns * block) % 1.0
         self._reach = len(kernel) - self.step
         self._depth = self._each * (int(duration * self.rate / self._each) + 1)
@@ -80,7 +81,8 @@ class Baseband:
         """
         data = np.concatenate([self._tail, block])
         angle = 2.0 * pi * ((self._blocks * self._turns) % 1.0)
-        slow = self._matrix @ data
+        parts = self._parts @ data
+        slow = parts[: self._each] + 1j * parts[self._each :]
         slow *= complex(cos(angle), -sin(angle))
         start = (self._blocks * self._each) % self._depth
         self._ring[start : start + self._each] = slow

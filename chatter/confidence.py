@@ -9,6 +9,9 @@
 - ``chatter``: the share of the signal that lines explain; times 0.7 when the line cannot be told from the harmonics of
   the tools, because the spindle speed is not known or too slow for the stretch; times 0.5 when the signal contradicts
   the stated speed.
+
+A single line is as sure as the share of the signal that lines explain, times n / (n + 1) where it was found in n blocks
+in a row, with the same doubts about its kind.
 """
 
 from dataclasses import dataclass
@@ -65,6 +68,26 @@ def confidence(grounds: Grounds) -> float:
     if grounds.state == "suspect":
         return UNCONFIRMED * grounds.explained
     if grounds.state == "chatter":
-        doubt = DOUBTFUL if grounds.doubtful else 1.0 if grounds.told_apart else UNTOLD
-        return grounds.explained * doubt
+        return grounds.explained * _doubt(grounds.told_apart, grounds.doubtful)
     return 0.0
+
+
+def line_confidence(explained: float, seen: int, *, told_apart: bool, doubtful: bool) -> float:
+    """Return how sure a line and its kind are, 0...1.
+
+    Parameters
+    ----------
+    explained : float
+        Share of the signal that lines explain, 0...1.
+    seen : int
+        Blocks in a row in which it was found.
+    told_apart : bool
+        It can be told from the harmonics of the tools.
+    doubtful : bool
+        The signal contradicts the stated spindle speed.
+    """
+    return explained * seen / (seen + 1.0) * _doubt(told_apart, doubtful)
+
+
+def _doubt(told_apart: bool, doubtful: bool) -> float:
+    return DOUBTFUL if doubtful else 1.0 if told_apart else UNTOLD

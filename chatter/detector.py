@@ -19,6 +19,8 @@ Floats = NDArray[np.float64]
 
 LOOK = 0.5
 """Amplitude over a limit from which lines are looked at: the growth must be known when the limit is reached."""
+UNCLEAR = 2.0
+"""Time for which a line that stands out near its limit is not taken for usual: it may still grow (s)."""
 SPEED_CHANGE = 0.01
 """Relative change of the spindle speed after which what was learned in the cut no longer holds."""
 
@@ -35,6 +37,8 @@ class _Memory:
     """Blocks since start, entry or exit."""
     newest: float = 0.0
     """Mean square of the block before."""
+    stood: int = 0
+    """Blocks in a row in which a line stood out without an alarm."""
 
 
 class Detector:
@@ -180,7 +184,7 @@ class Detector:
             lines.forget()
         main = lines.main
         if main is None:
-            alarm.step(Evidence(square=square, both=over == 2))
+            alarm.step(Evidence(square=square, both=over == 2, level=fresh, age=self._memory.age))
             return
         place = int(np.abs(self._frequencies_hz - main.line.frequency_hz).argmin())
         raised = alarm.step(
@@ -191,7 +195,9 @@ class Detector:
                 regenerative=lines.regenerative,
                 explained=lines.explained,
                 growth=lines.growth,
-                seen=main.seen,
+                seen=lines.seen,
+                level=fresh,
+                age=self._memory.age,
             )
         )
         if raised and limit.source != "cutting":
@@ -199,7 +205,11 @@ class Detector:
 
     def _learn(self, power: Floats, square: float, in_cut: bool | None) -> None:
         """Take the block in as background, unless the window holds a disturbance."""
-        if self._memory.settled > self._window_blocks and not self._alarm.begins:
+        memory, lines = self._memory, self._lines
+        stands = lines.regenerative and lines.explained >= COHERENT and not self._alarm.on
+        memory.stood = memory.stood + 1 if stands else 0
+        unclear = 0 < memory.stood * self._config.block < UNCLEAR
+        if memory.settled > self._window_blocks and not self._alarm.begins and not unclear:
             self._limits.learn(power, square, in_cut)
 
     def _said(self, scene: Scene, over: int, limit: Limit, ratio: float) -> dict[str, Any]:

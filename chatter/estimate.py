@@ -15,6 +15,8 @@ Note = Literal[
 STEP_DB = 3.0
 """What one step of `sensitivity` takes off every limit (dB)."""
 MOST_STEPS = 3.0
+MARGIN_DB = 3.0
+"""What every limit is above what noise and belief say, at sensitivity 0 (dB): servo drives are not Gaussian."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,12 +113,12 @@ class MonitorConfig:
 
     @property
     def limit_factor(self) -> float:
-        """Factor that the sensitivity puts on every limit of power."""
-        return 10.0 ** (-0.1 * STEP_DB * self.sensitivity)
+        """Factor that margin and sensitivity put on every limit of power."""
+        return 10.0 ** (0.1 * (MARGIN_DB - STEP_DB * self.sensitivity))
 
     @property
     def line_probability(self) -> float:
-        """Probability that stationary Gaussian noise takes a bin over its limit in one window, at sensitivity 0."""
+        """Probability that stationary Gaussian noise takes a bin over its limit without the margin in one window."""
         low, high = self.band_hz
         return min(1.0 / ((high - low) * self.false_alarm_interval), 0.1)
 
@@ -145,12 +147,15 @@ class ChatterLine:
     kind : str
         ``regenerative``; ``forced`` a harmonic of spindle or tools, folded at half the sampling rate or not;
         ``background`` there in air already, or mains hum; ``encoder`` an error of the encoder of a moving axis.
+    confidence : float
+        How sure line and kind are, 0...1; see `chatter.confidence`.
     """
 
     frequency_hz: float
     amplitude: float
     growth: float
     kind: Kind
+    confidence: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

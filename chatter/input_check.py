@@ -19,6 +19,15 @@ CLIPPED = 2
 ALONE = 0.75
 """Part of the other neighbours that may be equal where every value is stored twice."""
 
+SIGNS: tuple[tuple[int, Note], ...] = (
+    (kernels.CONSTANT, "constant"), (kernels.REPEATED, "repeated"), (kernels.DUPLICATED, "duplicated"),
+    (kernels.CLIPPED, "clipped"),
+)  # fmt: skip
+NOTES: tuple[tuple[Note, ...], ...] = tuple(
+    tuple(note for bit, note in SIGNS if signs & bit) for signs in range(2 * kernels.CLIPPED)
+)
+"""Notes for every set of signs."""
+
 
 class InputCheck:
     """Looks at every block before it is filtered.
@@ -30,12 +39,10 @@ class InputCheck:
     """
 
     def __init__(self, channels: int) -> None:
-        self._counts = np.zeros((channels, kernels.COLUMNS), dtype=np.int64)
-        self._constant = np.zeros(channels, dtype=np.int64)
-        self._doubled = np.zeros(channels, dtype=np.int64)
+        self._constant, self._doubled = (np.zeros(channels, dtype=np.int64) for _ in range(2))
         self._ends = np.array([np.full(channels, np.inf), np.full(channels, -np.inf)])
-        self._last: Floats | None = None
-        self._peaks = [0] * PATIENCE
+        self._peaks = np.zeros(PATIENCE, dtype=np.int64)
+        self._last: Floats = np.zeros((0, channels))
 
     def look(self, block: Floats) -> tuple[Note, ...]:
         """Take a block and return what is wrong with it.
@@ -45,24 +52,12 @@ class InputCheck:
         block : ndarray, shape (n, channels)
             Samples as they came, all finite.
         """
-        counts, pairs = self._counts, len(block) - 1
-        kernels.count(block, FLAT, STEEP, self._ends, counts)
-        last, self._last = self._last, block.copy()
-        still = counts[:, kernels.STILL] == pairs
-        if last is not None:
-            still &= block[0] == last[-1]
-        self._constant = (self._constant + 1) * still
-        even, odd = counts[:, kernels.EVEN], counts[:, kernels.ODD]
-        twice = (np.maximum(even, odd) >= pairs // 2) & (np.minimum(even, odd) < ALONE * (pairs // 2))
-        self._doubled = (self._doubled + 1) * twice
-        self._peaks = [*self._peaks[1:], int(counts[:, kernels.PEAKS].sum())]
-        notes: list[Note] = []
-        if self._constant.max() >= PATIENCE:
-            notes.append("constant")
-        if last is not None and not still.all() and np.array_equal(block, last):
-            notes.append("repeated")
-        if self._doubled.max() >= PATIENCE:
-            notes.append("duplicated")
-        if sum(self._peaks) >= CLIPPED:
-            notes.append("clipped")
-        return tuple(notes)
+        known = self._last.shape == block.shape
+        if not known:
+            self._last = np.empty(block.shape)
+        return NOTES[
+            kernels.look(
+                block, self._last, known, FLAT, STEEP, ALONE, CLIPPED, self._ends, self._constant, self._doubled,
+                self._peaks,
+            )
+        ]  # fmt: skip

@@ -80,7 +80,7 @@ class LearnedLevel:
     def __post_init__(self) -> None:
         self.power = np.zeros(self.bins)
 
-    def learn(self, power: Floats, square: float, windows: float) -> None:
+    def learn(self, power: Floats, square: float, windows: float, trusted: float = np.inf) -> None:
         """Take a spectrum and a mean square in.
 
         Parameters
@@ -91,10 +91,18 @@ class LearnedLevel:
             Mean square of the band.
         windows : float
             Independent windows that this is worth.
+        trusted : float
+            Windows from which on the level only follows slow changes: what grows is not to be taken for usual.
         """
         self.blocks += 1
-        self.windows = min(self.windows + windows, self.most)
-        share = windows / max(self.windows, windows)
+        share = windows / max(self.windows + windows, windows)
+        if self.windows >= trusted:
+            share = min(share, windows / self.most)
+            scatter = (1.0 - share) ** 2 / self.windows + share**2 / windows
+            self.windows = min(1.0 / scatter, self.most)
+        else:
+            self.windows = min(self.windows + windows, self.most)
+            share = windows / max(self.windows, windows)
         self.power += share * (power - self.power)
         self.square += share * (square - self.square)
         self.fourth += share * (square * square - self.fourth)
@@ -193,6 +201,7 @@ class Limits:
         self._floor = 0.0
         self._window_blocks = max(round(config.window / config.block), 1)
         self._factors: dict[str, tuple[int, float]] = {}
+        self._in_air: tuple[tuple[int, float], Floats, float] = ((-1, 0.0), self.air.power, 0.0)
 
     def enter(self) -> None:
         """Forget the noise of the present cut, as one begins or ends; what earlier cuts taught stays."""
@@ -231,7 +240,9 @@ class Limits:
         in_cut : bool or None
             Whether the tools cut; None when nobody knows.
         """
-        (self.cut if in_cut else self.air).learn(power, square, self._config.block / self._config.window)
+        config = self._config
+        level, time = (self.cut, config.cutting_time) if in_cut else (self.air, config.air_time)
+        level.learn(power, square, config.block / config.window, time / config.window)
 
     def hear(self, power: Floats, lines: bool) -> None:
         """Follow the noise of the present cut between its lines.
@@ -262,12 +273,19 @@ class Limits:
         line, square = np.full(self.air.bins, TINY), TINY
         source: LimitSource = "none"
         if self.air.ready(config.window, config.air_time):
-            line, square = self._of("air", self.air, 1.0)
+            line, square = self._of_air()
             source = "reference" if in_cut is None else "air"
         if in_cut:
             line, square, source = self._in_cut(line, square)
         factor = config.limit_factor
         return Limit(line=factor * line, square=factor * square, source=source)
+
+    def _of_air(self) -> tuple[Floats, float]:
+        """Return the limits in air; they stay as they are while the tools cut."""
+        state = self.air.blocks, self.air.square
+        if self._in_air[0] != state:
+            self._in_air = state, *self._of("air", self.air, 1.0)
+        return self._in_air[1:]
 
     def _of(self, name: str, level: LearnedLevel, each: float) -> tuple[Floats, float]:
         """Return the limits that follow from a level; the quantiles, which change slowly, are kept for a window."""

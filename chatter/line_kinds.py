@@ -1,7 +1,6 @@
 """What makes a line: regeneration, the turning spindle, the machine in air, or the encoder of a moving axis."""
 
 from collections import deque
-from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,7 +66,7 @@ class Scene:
 
 
 class LineKinds:
-    """Tells the kind of each line; remembers where the errors of the encoders were during the stretch of a line.
+    """Tells the kind of each line; remembers how spindle and encoders went during its stretch.
 
     Parameters
     ----------
@@ -82,16 +81,18 @@ class LineKinds:
     def __init__(self, config: MonitorConfig, sample_rate_hz: float, blocks: int) -> None:
         self._config, self._sample_rate_hz = config, sample_rate_hz
         self._encoders: deque[tuple[float, ...]] = deque(maxlen=blocks)
+        self._speeds: deque[float] = deque(maxlen=max(round(config.refine_window / config.block), 1))
         self._scene = Scene()
         self._age = 0.0
 
     def forget(self) -> None:
-        """Forget where the errors of the encoders were."""
+        """Forget where the errors of the encoders were, and how the spindle turned."""
         self._encoders.clear()
+        self._speeds.clear()
 
     def snapshot(self) -> Any:
         """Return a copy of the whole state."""
-        return deepcopy((list(self._encoders), self._scene, self._age))
+        return list(self._encoders), list(self._speeds), self._scene, self._age
 
     def restore(self, state: Any) -> None:
         """Continue from a copy of the state.
@@ -101,9 +102,10 @@ class LineKinds:
         state : object
             What `snapshot` returned.
         """
-        encoders, self._scene, self._age = deepcopy(state)
-        self._encoders.clear()
+        encoders, speeds, self._scene, self._age = state
+        self.forget()
         self._encoders.extend(encoders)
+        self._speeds.extend(speeds)
 
     def enter(self, scene: Scene, age: float) -> None:
         """Take in what is known about a block.
@@ -117,6 +119,7 @@ class LineKinds:
         """
         self._scene, self._age = scene, age
         self._encoders.append(scene.encoder_hz)
+        self._speeds.append(scene.spindle_hz or 0.0)
 
     def tell(self, line: Line, best: Line | None = None) -> Kind:
         """Return the kind of a line.
@@ -133,11 +136,16 @@ class LineKinds:
         if self._from_encoder(line.frequency_hz, UNCERTAINTY / line.span):
             return "encoder"
         if line.growth * line.span > 1.0:  # nothing but regeneration grows e-fold within the stretch ...
-            return "forced" if self._enters() and self._is_forced(frequency, tolerance, True) else "regenerative"
+            return "forced" if self._enters() and self._is_forced(best, True) else "regenerative"
         if self._is_background(frequency, line.amplitude, tolerance):
             return "background"
-        forced = self._is_forced(frequency, tolerance, True) or self._is_forced(frequency, tolerance, False)
+        forced = self._is_forced(best, True) or self._is_forced(best, False)
         return "forced" if forced or self._is_folded(frequency, tolerance) else "regenerative"
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the signal contradicts the stated spindle speed."""
+        return self._scene.doubtful
 
     def _enters(self) -> bool:
         """Return whether the depth of cut still builds up: ... but for the harmonics of tools that enter."""
@@ -157,14 +165,17 @@ class LineKinds:
             return False
         return self._config.speed_uncertainty * high + UNCERTAINTY / span < speed * self._config.tools / 6.0
 
-    def _is_forced(self, frequency_hz: float, tolerance: float, tools: bool) -> bool:
-        """Return whether a frequency is a harmonic of the tools, or else of the spindle, if that can be told."""
-        speed = self._scene.spindle_hz
-        if not speed or self._scene.doubtful:
+    def _is_forced(self, line: Line, tools: bool) -> bool:
+        """Return whether a line follows the tools, or else the spindle, through its stretch, if that can be told."""
+        blocks = max(round(line.span / self._config.block), 1)
+        speeds = [speed for speed in list(self._speeds)[-blocks:] if speed > 0.0]
+        if not self._scene.spindle_hz or self._scene.doubtful or not speeds:
             return False
-        spacing = speed * (self._config.tools if tools else 1)
-        tolerance += self._config.speed_uncertainty * frequency_hz
-        return tolerance < spacing / 6.0 and _away(frequency_hz, spacing) <= tolerance
+        slowest, fastest = min(speeds), max(speeds)
+        spacing = sum(speeds) / len(speeds) * (self._config.tools if tools else 1)
+        swept = 0.5 * (fastest - slowest) / fastest
+        tolerance = UNCERTAINTY / line.span + (self._config.speed_uncertainty + swept) * line.frequency_hz
+        return tolerance < spacing / 6.0 and _away(line.frequency_hz, spacing) <= tolerance
 
     def _is_folded(self, frequency_hz: float, tolerance: float) -> bool:
         """Return whether a frequency is where a harmonic of the tools above half of the sampling rate folds to."""

@@ -2,12 +2,14 @@
 
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
+from math import exp
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chatter.baseband import Baseband
+from chatter.confidence import line_confidence
 from chatter.estimate import ChatterLine, Kind, MonitorConfig
 from chatter.line_kinds import UNCERTAINTY, LineKinds, Scene
 from chatter.refinement import settled
@@ -19,10 +21,14 @@ STRETCH = 1.6
 """Stretch of a first frequency estimate over the window of detection: lines 40 Hz apart are told apart in 80 ms."""
 COHERENT = 0.8
 """Share of the signal that lines must explain: of noise in two channels, four of them explain less in 99 % of cases."""
+AHEAD, STEEPEST = 0.03, 50.0
+"""The main line is the one that will be the strongest after so long (s), growing no faster than this (1/s)."""
 LOYALTY = 0.8
-"""A line stays the main one until another one is stronger by more than this ratio."""
+"""In an alarm a line stays the main one until another one will be stronger by more than this ratio."""
 FAINT = 0.15
 """Amplitude over the strongest below which a line may be what noise left."""
+STRONG = 0.4
+"""Amplitude over the strongest from which a line stands beside it."""
 STILL_GROWS = 0.3
 """Growth over its stretch with which a regenerative line stays one."""
 REFINED = 2
@@ -68,6 +74,11 @@ class _Memory:
     explained: float = 0.0
     growth: float = 0.0
     share: float = 0.0
+
+
+def _soon(track: Track) -> float:
+    """Return the amplitude that a line will have."""
+    return track.line.amplitude * exp(min(max(track.line.growth, -STEEPEST), STEEPEST) * AHEAD)
 
 
 class LineSet:
@@ -122,6 +133,12 @@ class LineSet:
     def share(self) -> float:
         """Share of the energy of all lines that the regenerative ones hold, 0...1."""
         return self._memory.share
+
+    @property
+    def seen(self) -> int:
+        """Blocks in a row in which one of the strong regenerative lines was found at the same frequency."""
+        own = [track for track in self._memory.tracks if track.kind == "regenerative"]
+        return max((track.seen for track in own if track.line.amplitude >= STRONG * own[0].line.amplitude), default=0)
 
     def forget(self) -> None:
         """Forget the lines."""
@@ -193,7 +210,7 @@ class LineSet:
         memory.tracks, memory.explained = tracks, lines[0].explained
         memory.share = energy / sum(line.amplitude**2 for line in lines)
         memory.growth = sum(line.growth * line.amplitude**2 for line in own) / energy if energy else 0.0
-        memory.main = self._choose(tracks, memory.main)
+        memory.main = self._choose(tracks, memory.main if alarm else None)
         for track in tracks[:REFINED]:
             self._refine(track)
 
@@ -222,16 +239,17 @@ class LineSet:
 
     @staticmethod
     def _choose(tracks: list[Track], before: Track | None) -> Track:
-        """Return the strongest regenerative line, or the main line of the block before if it is nearly as strong."""
+        """Return the regenerative line that will be the strongest, or that of the block before if it nearly is."""
         free = [track for track in tracks if track.kind == "regenerative"] or tracks
+        best = max(free, key=_soon)
         if before is None:
-            return free[0]
+            return best
         for track in free:
             line = track.line
             same = abs(line.frequency_hz - before.line.frequency_hz) < UNCERTAINTY / line.span
-            if same and line.amplitude >= LOYALTY * free[0].line.amplitude:
+            if same and _soon(track) >= LOYALTY * _soon(best):
                 return track
-        return free[0]
+        return best
 
     def _refine(self, track: Track) -> None:
         """Take the frequency from the longest stretch in which the line is steady, once a window."""
@@ -254,10 +272,14 @@ class LineSet:
                 amplitude=track.line.amplitude,
                 growth=track.line.growth,
                 kind=track.kind,
+                confidence=line_confidence(
+                    self._memory.explained, track.seen, told_apart=self._kinds.resolves(track.best.span),
+                    doubtful=self._kinds.doubtful,
+                ),
             )
             for track in self._memory.tracks
             if track.seen >= SEEN or track is self._memory.main
-        )
+        )  # fmt: skip
 
     def tells_kinds(self) -> bool:
         """Return whether the main line can be told from the harmonics of the tools."""

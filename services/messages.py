@@ -98,8 +98,24 @@ class ForceBlock(Message, frozen=True, kw_only=True):
     latency_s: float
 
 
+class ReportedLine(msgspec.Struct, frozen=True, kw_only=True):
+    """One line of the spectrum of the force; `kind` is regenerative, forced, background or encoder, and how surely."""
+
+    frequency_hz: float
+    amplitude_n: float
+    growth_1_per_s: float
+    kind: str
+    confidence: float
+
+
 class ChatterReport(Message, frozen=True, kw_only=True):
-    """The monitor's verdict on one block."""
+    """The monitor's verdict on one block.
+
+    `indicator` and `limit` are root mean squares of the band, `line_n` and `line_limit_n` amplitudes of its strongest
+    line. `lines` are those near their limits, the strongest first. `cutting` is what the machine says or, if it says
+    nothing, what the signal shows. `comb_hz` is the fundamental of harmonics that contradict the spindle speed.
+    `false_alarms_per_h` is how often stationary noise passes the line limit at the setting in force.
+    """
 
     first_sample: int
     samples: int
@@ -118,6 +134,13 @@ class ChatterReport(Message, frozen=True, kw_only=True):
     in_cut: bool
     spindle_speed_rpm: float
     diameter_mm: float
+    line_n: float
+    line_limit_n: float
+    lines: tuple[ReportedLine, ...]
+    cutting: bool | None
+    comb_hz: float | None
+    notes: tuple[str, ...]
+    false_alarms_per_h: float
     shift_requested_deg: float
     shift_applied_deg: float
 

@@ -42,6 +42,8 @@ _BELIEF = {
     "stage_delay": "ms",
     "thrust_delay": "ms",
     "omega_current": "rad_per_s",
+    "motor_period": "um",
+    "stage_period": "um",
 }
 CONTROL_UNITS = {
     "position_gain": "1_per_s",

@@ -25,6 +25,7 @@ SI: dict[str, float] = {
     "rad_per_s": 1.0,
     "1_per_s": 1.0,
     "per_min": 1.0 / 60.0,
+    "per_h": 1.0 / 3600.0,
     "n": 1.0,
     "n_per_m": 1.0,
     "n_s_per_m": 1.0,

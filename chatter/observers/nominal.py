@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 from math import cos, inf, isfinite, pi, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +72,8 @@ class NominalFeedDrive:
         Dead time from command to current (s).
     omega_current : float
         Bandwidth of the current loop (rad/s); infinite if the thrust follows its command at once.
+    motor_period, stage_period : float or None
+        Signal period of motor encoder and linear scale as slide travel (m), at which they err; None when not known.
     """
 
     lead: float
@@ -87,12 +89,18 @@ class NominalFeedDrive:
     stage_delay: float
     thrust_delay: float
     omega_current: float
+    motor_period: float | None = None
+    stage_period: float | None = None
 
     def __post_init__(self) -> None:
         """Check every value once."""
-        positive = {"lead", "rotor_inertia", "stage_mass", "screw_stiffness", "omega_current"}
+        positive = {
+            "lead", "rotor_inertia", "stage_mass", "screw_stiffness", "omega_current", "motor_period", "stage_period",
+        }  # fmt: skip
         for field in fields(self):
-            value = getattr(self, field.name)
+            if field.name.endswith("_period") and getattr(self, field.name) is None:
+                continue
+            value: Any = getattr(self, field.name)
             known = isfinite(value) or (field.name == "omega_current" and value == inf)
             if not known or value < 0.0 or (field.name in positive and value == 0.0):
                 rule = "positive" if field.name in positive else "at least 0"

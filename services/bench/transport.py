@@ -23,7 +23,7 @@ from services.children import Child, end_all, private_folder
 from services.clock import WallClock
 from services.config import load_case
 from services.demo import run_demo
-from services.messages import BLOCK_S, ChatterReport, SampleBlock, TurretCommand
+from services.messages import BLOCK_S, ChatterReport, ReportedLine, SampleBlock, TurretCommand
 from services.process import python_line
 from services.wire import encode
 from services.zenoh_bus import ZenohBus, fifo, open_client
@@ -237,12 +237,17 @@ def _send(endpoint: str, total: int, port: int) -> None:
 def _sizes() -> tuple[int, int, int]:
     """Return the bytes of a block, of a report and of a command."""
     header: dict[str, Any] = {"run": "x" * 36, "source": "controller", "sequence": 1000}
+    line = ReportedLine(
+        frequency_hz=651.123456789012, amplitude_n=1.23456789012345, growth_1_per_s=30.1234567890123,
+        kind="regenerative", confidence=0.987654321098765,
+    )  # fmt: skip
     report = ChatterReport(
         **header, first_sample=90_000, samples=90, guard_state="ACTIVE", session="x" * 16, state="chatter",
         indicator=1.23456789012345, limit=1.23456789012345, limit_source="configured", frequency_hz=651.123456789012,
         amplitude_n=1.23456789012345, kind="regenerative", confidence=0.987654321098765, gap_samples=0, moving=False,
-        in_cut=True, spindle_speed_rpm=1200.0, diameter_mm=25.0, shift_requested_deg=2.76543210987654,
-        shift_applied_deg=2.76543210987654,
+        in_cut=True, spindle_speed_rpm=1200.0, diameter_mm=25.0, line_n=1.23456789012345, line_limit_n=1.23456789012345,
+        lines=(line, line), cutting=True, comb_hz=None, notes=(), false_alarms_per_h=0.01,
+        shift_requested_deg=2.76543210987654, shift_applied_deg=2.76543210987654,
     )  # fmt: skip
     command = TurretCommand(
         **header, session="x" * 16, shift_deg=2.76543210987654, order=0, action="hold", issued_sample=90_090,

@@ -37,7 +37,8 @@ def json_schemas() -> dict[str, str]:
 
 def _schema(kind: type[Message]) -> dict[str, Any]:
     """Return the schema of one type; its version is fixed and must be there, and enumerations say their type."""
-    schema: dict[str, Any] = msgspec.json.schema(kind)["$defs"][kind.__name__]
+    parts: dict[str, Any] = msgspec.json.schema(kind)["$defs"]
+    schema: dict[str, Any] = _whole(parts[kind.__name__], parts)
     schema["properties"]["version"] = {"type": "integer", "const": FORMAT_VERSION}
     schema["properties"]["minor"] = {"type": "integer", "minimum": 0, "default": 0}
     for rule in schema["properties"].values():
@@ -47,6 +48,16 @@ def _schema(kind: type[Message]) -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"antiphase.{kind.__name__}",
             "$comment": f"format version {FORMAT_VERSION}.{FORMAT_MINOR}; a newer minor version only adds properties",
             **schema}  # fmt: skip
+
+
+def _whole(rule: Any, parts: dict[str, Any]) -> Any:
+    """Put parts that are referred to in their places: viewers do not follow references."""
+    if isinstance(rule, dict):
+        named = rule.get("$ref")
+        if named:
+            return _whole(parts[named.rsplit("/", 1)[-1]], parts)
+        return {key: _whole(value, parts) for key, value in rule.items()}
+    return [_whole(item, parts) for item in rule] if isinstance(rule, list) else rule
 
 
 def main() -> None:

@@ -23,6 +23,7 @@ from services.messages import (
     Floats,
     ForceBlock,
     GuardState,
+    ReportedLine,
     SampleBlock,
     TurretCommand,
 )
@@ -51,6 +52,10 @@ def values_of(annotation):
         return st.sampled_from(get_args(annotation))
     if get_origin(annotation) in (Union, types.UnionType):
         return st.one_of(*(values_of(option) for option in get_args(annotation)))
+    if get_origin(annotation) is tuple:
+        return st.lists(values_of(get_args(annotation)[0]), max_size=3).map(tuple)
+    if annotation is ReportedLine:
+        return st.builds(ReportedLine, **{name: values_of(kind) for name, kind in fields(ReportedLine).items()})
     return {
         int: INT64,
         float: st.floats(allow_nan=False, allow_infinity=False),
@@ -79,6 +84,10 @@ def bits(message):
     def plain(value):
         if isinstance(value, np.ndarray):
             return value.shape, value.tobytes()
+        if isinstance(value, tuple):
+            return tuple(plain(part) for part in value)
+        if isinstance(value, ReportedLine):
+            return tuple(plain(part) for part in msgspec.structs.astuple(value))
         return (type(value), value, math.copysign(1.0, value)) if isinstance(value, float) else (type(value), value)
 
     return type(message), {name: plain(getattr(message, name)) for name in fields(type(message))}
@@ -87,7 +96,11 @@ def bits(message):
 def example(kind):
     """A message of a type with a value in every field that differs from what absence reads as."""
     known = {"guard_state": "ACTIVE", "request": "arm", "action": "move"}
-    plain = {int: 3, float: 2.5, bool: True, str: "x", float | None: 652.2, str | None: "regenerative"}
+    line = ReportedLine(frequency_hz=652.2, amplitude_n=7.0, growth_1_per_s=30.0, kind="regenerative", confidence=0.9)
+    plain = {
+        int: 3, float: 2.5, bool: True, str: "x", float | None: 652.2, str | None: "regenerative", bool | None: True,
+        tuple[str, ...]: ("clipped",), tuple[ReportedLine, ...]: (line, line),
+    }  # fmt: skip
     given = {
         name: known[name] if name in known else np.arange(4.0) + number if annotation == Floats else plain[annotation]
         for number, (name, annotation) in enumerate(fields(kind).items())
