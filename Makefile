@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 CONSTRAINTS := $(if $(CI),-c .ci/constraints.txt,)
 
-.PHONY: demo test lint bench soak clean
+.PHONY: demo test lint bench soak faults clean
 
 demo: $(STAMP)
 	$(BIN)/antiphase demo thesis-652 --out runs/thesis-652
@@ -24,6 +24,10 @@ bench: $(VENV)/.bench
 # 20 minutes with three dashboards and a recorder, every core four times over, the link cut each minute
 soak: $(STAMP)
 	$(BIN)/antiphase soak --duration-s 1200 --load 4 --cut-every-s 60 --dashboards 3 --out runs/soak
+
+# ten thousand bad days of the closed loop
+faults: $(STAMP)
+	$(BIN)/antiphase faults --runs 10000 --out runs/faults
 
 # peers that only the benchmarks need; where one does not install, or has no C compiler, the tables go without it
 $(VENV)/.bench: $(STAMP)

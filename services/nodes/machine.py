@@ -11,7 +11,7 @@ import numpy as np
 
 from pitch import ShiftTrajectory, TrajectoryLimits, slide_set_points
 from services.config import Case
-from services.guard import Conditions, Guard, Plan
+from services.guard import Checked, Conditions, Guard, Plan
 from services.messages import (
     BLOCK_S,
     Event,
@@ -55,22 +55,26 @@ class MachineNode:
         Of the plant's noise.
     run
         Identifier of the run.
+    initial_shift
+        Where the turret stands when the machine is switched on (rad).
     """
 
     subscribes = (Tick, TurretCommand, OperatorRequest)
 
-    def __init__(self, case: Case, seed: int, run: str) -> None:
-        self.plant = make_plant(case, seed)
+    def __init__(self, case: Case, seed: int, run: str, initial_shift: float = 0.0) -> None:
+        self.plant = make_plant(case, seed, initial_shift)
         self._case, self._run = case, run
         self._rate = case.settings.sample_rate_hz
         self._samples = round(BLOCK_S * self._rate)
+        slides = slide_set_points(initial_shift, self.plant.diameter, case.drives.axis_angle)
+        self._measured = np.array([initial_shift, *map(float, slides)])
         self._guard = Guard(
-            case.limits, run=run, controller="controller", operator="operator", token=lambda: secrets.token_hex(8)
-        )
-        self._path = ShiftTrajectory(case.path, self._rate)
+            case.limits, run=run, controller="controller", operator="operator",
+            token=lambda: secrets.token_hex(8), start=self._measured.tolist(),
+        )  # fmt: skip
+        self._path = ShiftTrajectory(case.path, self._rate, initial_shift)
         self._slow: float | None = None
         self._speed = case.cutting.spindle_hz
-        self._measured = np.zeros(3)
         self._in_cut = False
         self._events = 0
 
@@ -89,21 +93,9 @@ class MachineNode:
         return self._notices(message.sequence)
 
     def _block(self, number: int) -> list[Message]:
-        first, n, diameter = self.plant.sample, self._samples, self.plant.diameter
-        plan = self._guard.begin_block(
-            first,
-            n,
-            Conditions(
-                in_cut=self._in_cut,
-                homed=True,
-                feed_hold=False,
-                spindle_hz=self._speed,
-                diameter=diameter,
-                measured=self._measured,
-            ),
-        )
-        checked = self._guard.check(*self._follow(plan, n))
-        plant = self.plant.advance(checked.x1, checked.y1)
+        n = self._samples
+        plan = self._guard.begin_block(self.plant.sample, n, self._conditions())
+        plant = self._drive(self._guard.check(*self._follow(plan, n)))
         self._measured = np.array([plant.shift[-1], plant.x1_stage_position[-1], plant.y1_stage_position[-1]])
         self._in_cut = bool(plant.in_cut[-1])
         return [
@@ -112,6 +104,17 @@ class MachineNode:
             self._truth(number, plant),
             *self._notices(number),
         ]
+
+    def _conditions(self) -> Conditions:
+        """Return what the guard is told of the machine before a block."""
+        return Conditions(
+            in_cut=self._in_cut, homed=True, feed_hold=False, spindle_hz=self._speed, diameter=self.plant.diameter,
+            measured=self._measured,
+        )  # fmt: skip
+
+    def _drive(self, checked: Checked) -> PlantBlock:
+        """Let the drives follow what the guard lets through."""
+        return self.plant.advance(checked.x1, checked.y1)
 
     def _follow(self, plan: Plan, n: int) -> tuple[Any, Any, Any]:
         """Return set points of shift (rad) and slides (m) towards the target, or at rest where the guard stands."""
