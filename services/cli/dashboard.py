@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
 import sys
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from services.cli.app import JsonFlag, app, emit, positive
-from services.cli.services import Connect, IdentityDir, MachineName, home, known_as
+from services.cli.services import CLOSING_S, Connect, IdentityDir, MachineName, home, known_as
 from services.clock import WallClock
 from services.config import load_case
 from services.errors import InputError, RefusalError
-from services.process import Stopped, StopSignal
+from services.process import Stopped, StopSignal, end_within
 from services.zenoh_bus import check_endpoint, check_machine
+
+if TYPE_CHECKING:
+    from services.dashboard.feed import BusFeed
 
 ShownCase = Annotated[str, typer.Argument(help="What is taken to be cut until the machine tells its own case.")]
 
@@ -44,6 +48,7 @@ def dashboard(
     from services.dashboard.view import View
 
     config, clock = load_case(case), WallClock()
+    origins = tuple(map(_check_origin, allow_origin or ()))
     machine = check_machine(name or config.settings.machine)
     known = known_as("dashboard", identity)
     operator = known_as("operator", identity) if allow_control else None
@@ -60,9 +65,9 @@ def dashboard(
                 del answer["control"]
             emit(answer, f"{machine} at {endpoint}: open {link}", as_json)
             sys.stdout.flush()
-            serve(make_app(hub, control, host, tuple(allow_origin or ())), listening)
+            serve(make_app(hub, control, host, origins), listening)
         finally:
-            feed.close()
+            _leave(feed)
 
 
 @app.command()
@@ -105,7 +110,20 @@ def watch(
     except Stopped:
         pass
     finally:
-        feed.close()
+        _leave(feed)
+
+
+def _leave(feed: BusFeed) -> None:
+    """Close the bus, which may not hang."""
+    deadline = end_within(CLOSING_S, 1)
+    feed.close()
+    deadline.cancel()
+
+
+def _check_origin(origin: str) -> str:
+    if origin == "null" or re.fullmatch(r"https?://[^/\s]+", origin):
+        return origin
+    raise InputError("allow-origin", origin, "`null` (a file) or the origin of a page, such as http://127.0.0.1:9000")
 
 
 def _address(name: tuple[Any, ...]) -> str:

@@ -11,7 +11,7 @@ from services.dashboard.feed import Feed, pump
 from services.dashboard.frame import Seen, encode_frame
 from services.dashboard.view import View
 
-FRAMES_PER_S = 20.0
+FRAMES_PER_S = 24.0
 IN_FLIGHT = 4
 """Frames that a browser may be behind; it says the number of each frame that it has read."""
 PATIENCE_S = 5.0

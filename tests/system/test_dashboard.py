@@ -11,14 +11,16 @@ import subprocess
 import threading
 import urllib.request
 
+import numpy as np
 import pytest
 from websockets.sync.client import connect
 
 from services.dashboard.frame import decode_frame
 from services.messages import ChatterReport, Event, ForceBlock, MachineState, OperatorRequest
 from services.process import command_line
+from services.wire import encode
 from services.zenoh_bus import ZenohBus
-from tests.services.dashboard_kit import block, event
+from tests.services.dashboard_kit import block, chatter, event, force
 from tests.system.kit import free_endpoint, processes, until
 
 pytestmark = pytest.mark.system
@@ -82,6 +84,9 @@ def test_the_page_is_there_before_the_bus_follows_it_and_drops_who_does_not_read
             assert until(lambda: speaker.say() and state_of(url)["word"] == "STABLE")
             assert until(lambda: any(s["name"] == "monitor" and s["alive"] for s in state_of(url)["services"]))
             assert b'antiphase_service_alive{machine="lathe-1",service="monitor"} 1.0' in get(url, "metrics")
+            speak_nonsense(bus, endpoint)
+            assert until(lambda: state_of(url)["refused"].get("unreadable", 0) >= 4)
+            assert until(lambda: speaker.say() and state_of(url)["word"] == "STABLE")
             ask(url, page.said()["control"].split("#token=")[1], "disarm")
             heard = []
             assert until(lambda: heard.extend(inbox.take()) or heard, 5.0)
@@ -97,6 +102,17 @@ def test_the_page_is_there_before_the_bus_follows_it_and_drops_who_does_not_read
     assert page.told() == ""
 
 
+def speak_nonsense(bus, endpoint):
+    """Everything that must not be believed: truncated, another version, huge, NaN, of another machine."""
+    bus.publish_payload(ChatterReport, b'{"version": 9, "state": "chatter"}')
+    bus.publish_payload(MachineState, encode(block(1)[0])[:-9])
+    bus.publish_payload(ForceBlock, b"\xff" * 1000)
+    bus.publish_payload(ChatterReport, b'"' + b"x" * (1 << 19) + b'"')
+    bus.publish(force(10**6, np.full(90, np.nan)))
+    with ZenohBus.client("lathe-2", endpoint) as other:
+        other.publish(block(9, verdict=chatter)[2])
+
+
 def ask(url, token, request):
     body, headers = json.dumps({"request": request}).encode(), {"Authorization": f"Bearer {token}"}
     with NO_PROXY.open(urllib.request.Request(url + "api/request", body, headers), timeout=10.0) as answer:
@@ -110,6 +126,7 @@ def ask(url, token, request):
         (("dashboard", "--port", "70000"), "port"),
         (("dashboard", "--connect", "nowhere"), "connect"),
         (("dashboard", "--machine", "a/b"), "machine"),
+        (("dashboard", "--allow-origin", "*"), "allow-origin"),
         (("watch", "--wait-s", "0", "--once"), "wait-s"),
         (("watch",), "json"),
     ],
