@@ -8,7 +8,7 @@ from typing import Protocol
 
 from services.dashboard.view import View
 from services.errors import RefusalError
-from services.messages import Message
+from services.messages import Event, Message
 from services.security.identity import Identity
 from services.wire import DecodeError
 from services.zenoh_bus import Inbox, Presence, Received, ZenohBus
@@ -53,24 +53,34 @@ class Feed(Protocol):
 
 
 def pump(feed: Feed, view: View) -> None:
-    """Show a picture all that has come."""
+    """Show a picture all that has come; events last, in the order of their time, from whomever they are."""
     for service, came in feed.changes():
         view.peer(service, came)
+    events: list[Event] = []
     for received in feed.take():
         try:
             message = received.message()
         except DecodeError as error:
             view.sieve.refuse("unreadable", f"{received.topic}: {error}")
             continue
-        try:
-            view.handle(message)
-        except Exception as error:  # whatever it was: the picture goes on, and says so
-            view.sieve.refuse("unexpected", f"{received.topic}: {type(error).__name__}: {error}")
+        if isinstance(message, Event):
+            events.append(message)
+        else:
+            _show(view, message)
+    for event in sorted(events, key=lambda event: event.sample):
+        _show(view, event)
     if view.curious():
         feed.ask()
     text = feed.told()
     if text is not None:
         view.learn(text)
+
+
+def _show(view: View, message: Message) -> None:
+    try:
+        view.handle(message)
+    except Exception as error:  # whatever it was: the picture goes on, and says so
+        view.sieve.refuse("unexpected", f"{type(message).__name__}: {type(error).__name__}: {error}")
 
 
 class _Ended(Exception):  # noqa: N818  (nobody waits for the bus any more)

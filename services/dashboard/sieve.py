@@ -59,7 +59,10 @@ class Sieve:
 
     def opens(self, topic: str, run: str) -> bool | None:
         """Return whether a message begins a new run; None if it is of another one than what goes on."""
-        if run == self.run and self.run:
+        if not run:
+            self.refuse("implausible", f"{topic} of no run")
+            return None
+        if run == self.run:
             return False
         now = self._clock.now()
         goes_on = any(now - heard < SILENCE_S for heard in self.heard.values())

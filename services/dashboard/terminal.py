@@ -16,6 +16,8 @@ from services.dashboard.words import ALARM, CALM, GOOD, STALE, WARN
 from services.process import Stopped, StopSignal
 
 PER_S = 5.0
+TELL_S = 1.0
+"""How long one look waits for the configuration of the machine."""
 TONES = {
     GOOD: "bold white on dark_green", CALM: "bold white on grey30", WARN: "bold black on dark_orange",
     ALARM: "bold white on red3", STALE: "bold white on grey42",
@@ -198,9 +200,16 @@ class Watcher:
         """Return the state as soon as nothing is missing, or what there is after `wait_s`."""
         until = self._clock.now() + wait_s
         while (state := self.state())["age_ms"] is None and self._clock.now() < until:
-            with stop.waiting():
-                self._clock.sleep_until(self._clock.now() + 0.02)
+            self._pause(stop)
+        until = min(until, self._clock.now() + TELL_S)
+        while not self._view.told() and self._clock.now() < until:
+            self._pause(stop)
+            state = self.state()
         return state
+
+    def _pause(self, stop: StopSignal) -> None:
+        with stop.waiting():
+            self._clock.sleep_until(self._clock.now() + 0.02)
 
     def live(self, console: Console, stop: StopSignal) -> None:
         """Draw until stopped; the terminal is afterwards what it was before."""

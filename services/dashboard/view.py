@@ -102,10 +102,14 @@ class View:
     def curious(self) -> bool:
         """Whether the machine should be asked for its configuration now."""
         now = self._clock.now()
-        if not self.sieve.run or self.sieve.run == self._told_run or now - self._asked < ASK_S:
+        if not self.sieve.run or self.told() or now - self._asked < ASK_S:
             return False
         self._asked = now
         return True
+
+    def told(self) -> bool:
+        """Whether the machine has told its configuration."""
+        return self._told_run == self.sieve.run != ""
 
     def learn(self, text: str) -> None:
         """Take in the configuration that the machine tells; what cannot be read changes nothing."""

@@ -156,6 +156,7 @@ def test_a_run_is_followed_until_it_is_gone_or_silent():
         (state(21, z_mm=1e300), "implausible"),
         (report(21, indicator=float("inf")), "implausible"),
         (report(21, run="other"), "another run"),
+        (state(21, run=""), "implausible"),
         (command(21, run="other"), "another run"),
         (force(21, sample_rate_hz=0.0), "implausible"),
         (force(21, sample_rate_hz=1e12), "implausible"),
@@ -262,6 +263,14 @@ def test_the_machine_tells_its_own_case():
     feed.text = load_case("drift").text
     pump(feed, view)
     assert view.facts.case == "drift"
+
+
+def test_events_of_several_sources_stand_in_the_order_of_their_time():
+    view, _ = make_view()
+    feed = HandFeed()
+    feed.say(event(7), event(3, source="monitor"), *block(0), event(5, source="controller"))
+    pump(feed, view)
+    assert [line["time_s"] for _, line in view.events] == [0.03, 0.05, 0.07]
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]", "7", "{", "[[1]]", '{"case": 3}', "x" * 10**6, "[" * 10**5])

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from services.config import load_case
 from services.dashboard.terminal import Watcher, bar, over_limit, picture, ruler
 from services.dashboard.view import View
 from services.process import StopSignal
@@ -73,7 +74,13 @@ def test_once_waits_until_nothing_is_missing_and_no_longer():
         assert watcher.once(2.0, stop)["word"] == "NO DATA"
         assert clock.now() == pytest.approx(begin + 2.0, abs=0.03)
         feed.say(*block(0))
-        assert watcher.once(2.0, stop)["word"] == "STABLE"
+        assert watcher.once(0.3, stop)["word"] == "STABLE"
+        feed.say(*block(1))
+        feed.text = load_case("drift").text
+        begin = clock.now()
+        assert watcher.once(2.0, stop)["case"] == "drift"
+        assert clock.now() < begin + 0.1
+        feed.say(*block(2))
     assert "S T A B L E" in "\n".join(lines_of(watcher.draw(80, 24)))
 
 
