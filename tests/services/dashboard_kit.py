@@ -45,7 +45,8 @@ def report(number, *, run="r1", **changes):
         "guard_state": "ACTIVE", "session": "s", "state": "quiet", "indicator": 1.0, "limit": 5.0,
         "limit_source": "cutting", "frequency_hz": None, "amplitude_n": 0.5, "kind": None, "confidence": 0.0,
         "gap_samples": 0, "moving": False, "in_cut": True, "spindle_speed_rpm": 1200.0, "diameter_mm": 25.0,
-        "shift_requested_deg": 0.0, "shift_applied_deg": 0.0,
+        "shift_requested_deg": 0.0, "shift_applied_deg": 0.0, "line_n": 0.5, "line_limit_n": 4.0, "lines": (),
+        "cutting": True, "comb_hz": None, "notes": (), "false_alarms_per_h": 0.01,
     }  # fmt: skip
     return ChatterReport(run=run, **(values | changes))
 

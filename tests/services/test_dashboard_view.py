@@ -232,7 +232,7 @@ def test_no_message_that_can_be_decoded_breaks_the_picture(number, value, text):
 
 
 def test_fields_of_a_newer_minor_version_are_ignored():
-    payload = encode(report(0)).replace(b'"state"', b'"lines":[[600.0,3.2]],"notes":["clipped"],"state"')
+    payload = encode(report(0)).replace(b'"state"', b'"weather":[[600.0,3.2]],"mood":"fine","state"')
     view, _ = make_view()
     feed = HandFeed()
     feed.waiting = [Received("chatter", payload, ""), received(state(0))]
