@@ -22,6 +22,7 @@ from services.gaps import Gaps
 from services.messages import MachineState, SampleBlock
 from services.node import Say
 from services.process import Stopped, StopSignal, command_line, router_line
+from services.soak.browser import FrameReader
 from services.soak.link import Link
 from services.soak.load import busy, memory_mb, slope_mb_h
 from services.supervisor import START_S, Plan
@@ -111,6 +112,7 @@ def soak(
     with ExitStack() as stack:
         folder = stack.enter_context(private_folder())
         children: dict[str, Child] = {}
+        readers: list[FrameReader] = []
         stack.callback(lambda: end_all(reversed(children.values())))
         router = children["router"] = Child("router", router_line("tcp/127.0.0.1:0"), folder, quiet=False)
         endpoint = _endpoint(router, stop, clock)
@@ -124,20 +126,25 @@ def soak(
         children["machine"] = Child("machine", plan.line("machine", endpoint, *lasts), folder, quiet=True)
         try:
             watch.until_begun(stop)
+            readers = [FrameReader(str(children[name].said()["url"])) for name in children if name.startswith("dash")]
+            for reader in readers:
+                stack.callback(reader.close)
             say(f"{len(children)} services; {wishes.load:g} busy processes for each core")
             stack.enter_context(busy(wishes.load))
             watch.until_ended(stop, show)
         except Stopped:
             say("stopped early")
+        frames = [reader.frames for reader in readers]
         end_all(children[name] for name in ("machine", "monitor", "controller", "recorder"))
         watch.look()
-        return _answer(watch.seen, {name: child.said() for name, child in children.items()}, wishes)
+        said = {name: child.said() for name, child in children.items()}
+        return _answer(watch.seen, said, wishes) | {"frames_per_s": [n / watch.lasted_s for n in frames]}
 
 
 def _lines(plan: Plan, wishes: Wishes, endpoint: str, folder: pathlib.Path) -> dict[str, list[str]]:
-    attached = ("--machine", plan.machine, "--connect", endpoint, "--child")
+    attached = ("--machine", plan.machine, "--connect", endpoint, "--json")
     lines = {name: plan.line(name, endpoint) for name in ("monitor", "controller")}
-    lines["recorder"] = command_line("record", *attached, "--json", "--out", str(folder / "soak.mcap"))
+    lines["recorder"] = command_line("record", *attached, "--child", "--out", str(folder / "soak.mcap"))
     for number in range(wishes.dashboards):
         lines[f"dashboard-{number + 1}"] = command_line("dashboard", plan.case, *attached, "--port", "0")
     return lines
@@ -164,6 +171,7 @@ class _Watch:
     ) -> None:
         self._children, self._link, self._wishes, self._clock, self._say = children, link, wishes, clock, say
         self._inbox, self._presence = bus.subscribe(), bus.presence()
+        self.lasted_s = 1.0
         self._begun = self._cut_at = self._mend_at = self._looked = float("inf")
         self.seen = Seen()
 
@@ -187,6 +195,7 @@ class _Watch:
         until = self._clock.now() + CLOSING_S
         while self._clock.now() < until:
             self._wait(stop)
+        self.lasted_s = self._clock.now() - self._begun
 
     def _wait(self, stop: StopSignal) -> None:
         self.look()
