@@ -15,13 +15,23 @@ from services.dashboard.history import COLUMN_S, ENVELOPES, PLACE, History, deci
 from services.dashboard.sieve import LARGEST, SILENCE_S, Sieve, plausible
 from services.dashboard.spectra import Spectra
 from services.dashboard.words import STALE_S, Word, describe
-from services.messages import ChatterReport, Event, Floats, ForceBlock, MachineState, Message, TurretCommand
+from services.messages import (
+    ChatterReport,
+    Event,
+    Floats,
+    ForceBlock,
+    MachineState,
+    Message,
+    ReportedLine,
+    TurretCommand,
+)
 from services.wire import topic_of
 
 WINDOW_PI = (0.7, 1.1)
 """Phases between which the published rig was stable, in pi."""
 EXPECTED = ("machine", "monitor", "controller")
 MOST_SERVICES = 16
+MOST_LINES = 8
 EVENTS = 100
 ASK_S = 2.0
 """How often a machine is asked for its configuration until it tells it."""
@@ -266,13 +276,19 @@ class View:
 
     def _of_report(self) -> dict[str, Any]:
         r = self.report
+        lines = [] if r is None else [line for line in r.lines[:MOST_LINES] if _sound(line)]
         said = {"state": "state", "kind": "kind", "limit_source": "limit_source"}
         words = {key: None if r is None else (getattr(r, name) or "")[:40] for key, name in said.items()}
         return words | {
             "indicator_n": None if r is None else r.indicator, "limit_n": None if r is None else r.limit,
             "amplitude_n": None if r is None else r.amplitude_n, "confidence": None if r is None else r.confidence,
             "frequency_hz": None if r is None else r.frequency_hz, "last_chatter_hz": self.last_hz,
-            "moving": None if r is None else r.moving,
+            "moving": None if r is None else r.moving, "notes": [] if r is None else [n[:40] for n in r.notes[:8]],
+            "line_n": None if r is None else r.line_n, "line_limit_n": None if r is None else r.line_limit_n,
+            "lines": [
+                {"frequency_hz": line.frequency_hz, "amplitude_n": line.amplitude_n, "kind": line.kind[:20],
+                 "confidence": line.confidence} for line in lines
+            ],
         }  # fmt: skip
 
     def _of_phase(self) -> dict[str, Any]:
@@ -294,6 +310,10 @@ class View:
             "command_shift_deg": None if c is None else c.shift_deg,
             "command_reason": None if c is None else c.reason[:300],
         }  # fmt: skip
+
+
+def _sound(line: ReportedLine) -> bool:
+    return None not in map(plausible, (line.frequency_hz, line.amplitude_n, line.confidence))
 
 
 def _ms(age_s: float | None) -> int | None:

@@ -68,4 +68,5 @@ def _detail(machine: MachineState, report: ChatterReport) -> str:
         parts.append(f"turret 1 goes to {machine.shift_target_deg:.2f}°")
     if machine.feed_hold:
         parts.append("feed hold requested")
+    parts += [note.replace("_", " ")[:40] for note in report.notes[:4]]
     return ", ".join(parts)

@@ -14,7 +14,7 @@ from services.dashboard.feed import pump
 from services.dashboard.frame import Seen, decode_frame, encode_frame
 from services.dashboard.history import PLACE, RESENT
 from services.dashboard.sieve import REASONS
-from services.messages import OperatorRequest
+from services.messages import OperatorRequest, ReportedLine
 from services.wire import encode
 from services.zenoh_bus import Received
 from tests.services.dashboard_kit import (
@@ -56,6 +56,20 @@ def test_values_arrive_as_they_were_sent():
     for row, value in (("x1_min_n", wave.min()), ("x1_max_n", wave.max()), ("y1p_max_n", 2 * wave.max()),
                        ("indicator_n", 1.25), ("limit_n", 5.0), ("shift_requested_deg", 2.0)):  # fmt: skip
         np.testing.assert_array_equal(values[PLACE[row]], np.float32(value))
+
+
+def test_lines_and_notes_of_a_report_are_shown_as_far_as_they_make_sense():
+    view, clock = make_view()
+    lines = tuple(
+        ReportedLine(frequency_hz=hz, amplitude_n=2.0, growth_1_per_s=0.0, kind="forced", confidence=0.8)
+        for hz in (640.0, 1e300, *range(100, 1000, 50))
+    )
+    play(view, clock, range(3), lambda n: [state(n), report(n, lines=lines, notes=("speed_unknown", "x" * 900))])
+    shown = view.state()
+    assert shown["lines"][0] == {"frequency_hz": 640.0, "amplitude_n": 2.0, "kind": "forced", "confidence": 0.8}
+    assert len(shown["lines"]) == 7
+    assert shown["notes"] == ["speed_unknown", "x" * 40]
+    assert shown["detail"].startswith("no line above its limit, speed unknown, x")
 
 
 def test_marked_millimetres_are_feed_while_chatter_is_reported():

@@ -143,16 +143,26 @@ export class Spectrogram {
       last = k;
     });
     context.stroke();
-    if (last < row.length - 30) return;
-    const text = `${row[last].toFixed(1)} Hz`, wide = context.measureText(text).width + 10;
-    const left = Math.min(Math.max(x(time[last]) - wide, LEFT), right - wide), up = Math.max(y(row[last]) - unit(24), TOP);
+    const taken = [], main = last < row.length - 30 ? null : row[last];
+    if (main !== null) this.label(context, `${main.toFixed(1)} Hz`, right, y(main) - unit(15), taken, "detected");
+    for (const { frequency_hz: hz, kind } of this.state.lines) {
+      if (main !== null && Math.abs(hz - main) < 12) continue;
+      const beside = main !== null && hz < main ? unit(15) : -unit(15);
+      this.label(context, `${hz.toFixed(0)} Hz ${kind}`, right, y(hz) + beside, taken, "ink");
+    }
+  }
+
+  label(context, text, right, middle, taken, ink) {
+    if (taken.some((other) => Math.abs(other - middle) < unit(19)) || middle < TOP + unit(9)) return;
+    taken.push(middle);
+    const wide = context.measureText(text).width + unit(10), left = right - wide, high = unit(18);
     context.fillStyle = colour("card");
     context.globalAlpha = 0.85;
-    context.fillRect(left, up, wide, unit(18));
+    context.fillRect(left, middle - high / 2, wide, high);
     context.globalAlpha = 1;
-    context.fillStyle = colour("detected");
+    context.fillStyle = colour(ink);
     context.textAlign = "left";
-    context.fillText(text, left + 5, up + unit(9));
+    context.fillText(text, left + unit(5), middle);
   }
 
   segment(context, x0, y0, x1, y1) {
