@@ -47,4 +47,6 @@ def estimated_force(observer: Any, signals: Any, motor: Floats, stage: Floats) -
     """
     if not observer.needs_thrust:
         return observer.update(motor, stage)
-    return observer.update(motor, stage, np.column_stack(signals))
+    thrust = np.empty(motor.shape)
+    thrust[:, 0], thrust[:, 1] = signals
+    return observer.update(motor, stage, thrust)

@@ -69,7 +69,8 @@ class RunRecord:
     """A closed-loop run and its uncontrolled twin (the same seed, never moved).
 
     `chatter_band_hz` is where vibration is judged, `search_band_hz` where the monitor looks for chatter;
-    `guard_limits` are all limits of the guard in words, `doubts` what lies outside the range of the model.
+    `guard_limits` are all limits of the guard in words, `doubts` what lies outside the range of the model;
+    `false_alarms_per_h` is how often stationary noise passes the limit of the monitor.
     """
 
     case: str
@@ -96,3 +97,4 @@ class RunRecord:
     config_text: str
     config_hash: str
     versions: dict[str, str]
+    false_alarms_per_h: float | None = None

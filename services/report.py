@@ -12,7 +12,7 @@ from pathlib import Path
 
 from services.metrics import Summary
 from services.record import RunRecord
-from services.sentences import NOTHING, arc_mm, limit_source, number, tiles, verdict
+from services.sentences import NOTHING, arc_mm, limit_source, noise_passes, number, tiles, verdict
 
 TONE_WORDS = {"good": "Good", "warn": "Look closer", "bad": "Not good", "neutral": "Nothing to judge"}
 
@@ -243,7 +243,9 @@ def _limits(record: RunRecord, summary: Summary) -> str:
         ("Chatter band", f"{low:.0f} to {high:.0f} Hz", "where chatter is looked for"),
         ("Vibration threshold", number(record.threshold_um, 2, "µm"), "5 % of the feed per tool"),
         ("Indicator limit", NOTHING if last is None or not math.isfinite(last) else f"{last:.3g} N",
-         f"at the end of the run; the one that decided: {limit_source(summary.limit_source)}"),
+         "; ".join(filter(None, (
+             f"at the end of the run; the one that decided: {limit_source(summary.limit_source)}",
+             noise_passes(record.false_alarms_per_h))))),
         ("Spindle speed", f"{record.spindle_speed_rpm:g} min⁻¹", f"feed {record.feed_mm_per_rev:g} mm per revolution"),
         ("Bar diameter", number(record.diameter_mm, 2, "mm"), "at the tools"),
     ]  # fmt: skip

@@ -38,6 +38,16 @@ def limit_source(source: str | None) -> str:
     return LIMIT_SOURCES.get(source or "none", source or "none")
 
 
+def noise_passes(per_h: float | None) -> str:
+    """Say how often stationary noise passes a limit; nothing when nobody knows."""
+    if per_h is None:
+        return ""
+    if per_h > 1.0:
+        return f"noise alone passes it {per_h:.2g} times an hour"
+    often = "less than once in a million hours" if per_h < 1e-6 else f"about once in {1.0 / per_h:.3g} hours"
+    return f"noise alone passes it {often}"
+
+
 def number(value: float | None, digits: int, unit: str = "") -> str:
     """Format a number with its unit for reading, a dash when there is none."""
     if value is None or not math.isfinite(value):

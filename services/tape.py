@@ -216,6 +216,7 @@ def make_record(
         config_text=case.text,
         config_hash=case.digest,
         versions=versions(),
+        false_alarms_per_h=case.monitor.false_alarms_per_hour,
     )
 
 

@@ -45,7 +45,11 @@ class MotorMotion:
         self._low = BiquadFilter(low, len(drives))
         self._gain = np.array([1.0 / (drive.rotor_mass * omega**2) for drive in drives])
         late = [_lag(drive, sample_rate_hz) if delayed else [] for drive in drives]
-        self._pushed = [BiquadFilter(np.array([*free_mass, *sections])) for sections in late]
+        alike = all(sections == late[0] for sections in late)
+        self._pushed = [
+            BiquadFilter(np.array([*free_mass, *sections]), len(drives) if alike else 1)
+            for sections in (late[:1] if alike else late)
+        ]
 
     def update(self, motor_position: Floats, thrust: Floats) -> Floats:
         """Take a block of signals and return the positions of the motors (m), shape (n, axes).
@@ -57,10 +61,11 @@ class MotorMotion:
         thrust : ndarray, shape (n, axes)
             As commanded (N).
         """
-        moved = self._low.update(motor_position)
-        for axis, pushed in enumerate(self._pushed):
-            moved[:, axis] += self._gain[axis] * pushed.update(thrust[:, axis : axis + 1])[:, 0]
-        return moved
+        if len(self._pushed) == 1:
+            free = self._pushed[0].update(thrust)
+        else:
+            free = np.hstack([part.update(thrust[:, axis : axis + 1]) for axis, part in enumerate(self._pushed)])
+        return self._low.update(motor_position) + self._gain * free
 
     def response(self, frequency_hz: Floats) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Return what the encoder, shape (k,), and the thrust, shape (k, axes), weigh in the position of the motor.
@@ -71,7 +76,7 @@ class MotorMotion:
             Frequencies (Hz).
         """
         low, *pushed = (response(part.sections, frequency_hz, self._sample_rate_hz) for part in self._parts)
-        return low, np.stack(pushed, axis=1) * self._gain
+        return low, np.stack(pushed, axis=1) * self._gain  # one response for all where their lags agree
 
     def reset(self) -> None:
         """Forget every sample."""

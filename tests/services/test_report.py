@@ -5,13 +5,15 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from chatter.estimate import LimitSource
 from services.metrics import summarize
 from services.report import render, write_report, write_summary
-from services.sentences import headline, number, tiles, verdict
+from services.sentences import LIMIT_SOURCES, headline, noise_passes, number, tiles, verdict
 from tests.services.synthetic import event, make_record, with_twin
 
 PIXEL = base64.b64decode(
@@ -153,3 +155,12 @@ def test_summary_json_is_strict_json(tmp_path):
 )  # fmt: skip
 def test_numbers_as_people_read_them(value, digits, unit, text):
     assert number(value, digits, unit) == text
+
+
+def test_every_source_of_a_limit_has_words_and_so_has_its_rate():
+    assert set(get_args(LimitSource)) == set(LIMIT_SOURCES)
+    said = [noise_passes(rate) for rate in (None, 1e-10, 0.01, 94.0)]
+    assert said == [
+        "", "noise alone passes it less than once in a million hours", "noise alone passes it about once in 100 hours",
+        "noise alone passes it 94 times an hour",
+    ]  # fmt: skip
