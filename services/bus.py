@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from datetime import datetime
+from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from services.messages import TOPICS
+from services.messages import TOPICS, Message
+from services.wire import decode
 
 
 class Node(Protocol):
@@ -26,6 +28,24 @@ class Node(Protocol):
     def handle(self, message: Any, /) -> Iterable[msgspec.Struct]:
         """Return what follows from `message`."""
         ...
+
+
+class Received(NamedTuple):
+    """A payload as it came, with the type that its topic promises."""
+
+    topic: str
+    payload: bytes
+    encoding: str
+    stamp: Any = None
+    """When it was sent, as Zenoh's timestamp."""
+
+    def message(self) -> Message:
+        """Return what it says, or raise `DecodeError`."""
+        return decode(TOPICS[self.topic], self.payload)
+
+    def age_s(self, now: datetime) -> float:
+        """Return how long ago it was sent (s), by the time of day (UTC) of one computer."""
+        return (now - self.stamp.get_time()).total_seconds()
 
 
 class InMemoryBus:

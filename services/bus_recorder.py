@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
+from services.bus import Received
 from services.clock import Clock
 from services.config import load_case, shipped
 from services.gaps import Gaps
@@ -20,7 +21,7 @@ from services.node import Say
 from services.process import Stopped, StopSignal
 from services.recording_writer import McapRecorder
 from services.wire import DecodeError
-from services.zenoh_bus import Received, ZenohBus
+from services.zenoh_bus import ZenohBus
 
 SERVICE = "recorder"
 LOOK_S = 0.004

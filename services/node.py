@@ -9,21 +9,30 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any, Protocol
 
-from services.bus import Node
+from services.bus import Node, Received
 from services.clock import Clock
 from services.errors import RefusalError
 from services.messages import ChatterReport, Event, Message
-from services.process import Stopped, StopSignal
+from services.process import Stopped
 from services.shelf import Shelf
 from services.wire import DecodeError
-from services.zenoh_bus import Inbox, Presence, Received, ZenohBus
+from services.zenoh_bus import Inbox, Presence, ZenohBus
 
 SILENCE_S = 1.0
 """A run that said nothing for so long gives way to another one."""
 SAVE_BLOCKS = 100
 Say = Callable[[str], None]
+
+
+class Waits(Protocol):
+    """What may interrupt the waiting for a message; `StopSignal` in the main thread."""
+
+    def waiting(self) -> AbstractContextManager[None]:
+        """Give the time in which waiting may be interrupted by raising `Stopped`."""
+        ...
 
 
 class Learner(Protocol):
@@ -150,7 +159,7 @@ def run_node(
     bus: ZenohBus,
     *,
     clock: Clock,
-    stop: StopSignal,
+    stop: Waits,
     say: Say,
     shelf: Shelf | None = None,
 ) -> dict[str, Any]:
@@ -207,7 +216,7 @@ def refuse_second(bus: ZenohBus, service: str) -> None:
         )
 
 
-def _serve(inbox: Inbox, bus: ZenohBus, stop: StopSignal, herald: Herald, tenancy: Tenancy) -> None:
+def _serve(inbox: Inbox, bus: ZenohBus, stop: Waits, herald: Herald, tenancy: Tenancy) -> None:
     while True:
         with stop.waiting():
             received = inbox.wait()

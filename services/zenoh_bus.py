@@ -11,19 +11,21 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator
-from datetime import datetime, timedelta
-from typing import Any, NamedTuple, Self
+from datetime import timedelta
+from typing import Any, Self
 
 import zenoh
 from zenoh import ext
 
+from services.bus import Received
 from services.bus_settings import session_settings
 from services.clock import WallClock
 from services.errors import InputError, RefusalError
 from services.messages import TOPICS, Event, Message, SampleBlock
+from services.process import Stopped
 from services.security.endpoints import check_private, check_proof, refuse_stranger
 from services.security.identity import Identity
-from services.wire import decode, encode, encoding_of, topic_of
+from services.wire import encode, encoding_of, topic_of
 
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"
 SECURE_ENDPOINT = "tls/127.0.0.1:7447"
@@ -38,24 +40,6 @@ _ENDPOINT = re.compile(r"(tcp|udp|tls|quic|ws|unixsock-stream)/[^#?,;\s]+")
 _RETRY = "#retry_period_init_ms=100;retry_period_max_ms=200"
 start_log = zenoh.init_log_from_env_or
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
-
-
-class Received(NamedTuple):
-    """A payload as it came, with the type that its topic promises."""
-
-    topic: str
-    payload: bytes
-    encoding: str
-    stamp: Any = None
-    """When it was sent, as Zenoh's timestamp."""
-
-    def message(self) -> Message:
-        """Return what it says, or raise `DecodeError`."""
-        return decode(TOPICS[self.topic], self.payload)
-
-    def age_s(self, now: datetime) -> float:
-        """Return how long ago it was sent (s), by the time of day (UTC) of one computer."""
-        return (now - self.stamp.get_time()).total_seconds()
 
 
 def check_machine(name: str) -> str:
@@ -166,10 +150,20 @@ class Inbox:
         self.unknown = 0
 
     def wait(self) -> Received:
-        """Return the next message of the only subscription, as soon as there is one; a signal may interrupt it."""
+        """Return the next message of the only subscription, as soon as there is one; a signal may interrupt it.
+
+        Raises
+        ------
+        Stopped
+            When the inbox is closed by another thread.
+        """
         subscriber, topic, encoding = self._subscribers[0]
         while True:
-            received = self._received(subscriber.recv(), topic, encoding)
+            try:
+                sample = subscriber.handler.recv()
+            except zenoh.ZError as error:
+                raise Stopped from error
+            received = self._received(sample, topic, encoding)
             if received is not None:
                 return received
 
@@ -381,13 +375,17 @@ class ZenohBus:
             with query:
                 query.reply(self._prefix + "config", text, encoding="application/json")
 
+    def hush(self) -> None:
+        """Undeclare the subscriptions: who waits for a message is told that there will be none."""
+        while self._open:
+            self._open.pop().close()
+
     def close(self) -> None:
         """Undeclare everything and close the session; closing twice does no harm."""
         if self._session.is_closed():
             return
         self.withdraw()
-        for inbox in self._open:
-            inbox.close()
+        self.hush()
         for publisher in self._publishers.values():
             publisher.undeclare()
         if self._config is not None:

@@ -89,6 +89,12 @@ def _dashboard(_: Options) -> dict[str, Any]:
     return {"rows": measure(say=_say)}
 
 
+def _fleet(_: Options) -> dict[str, Any]:
+    from services.bench.fleet import measure
+
+    return {"rows": measure(say=_say)}
+
+
 def _say(what: str) -> None:
     console.print(f"  {what} ...", highlight=False)
 
@@ -96,7 +102,7 @@ def _say(what: str) -> None:
 TABLES: dict[str, Callable[[Options], dict[str, Any]]] = {
     "transport": _transport, "detector": _detector, "delay": _delay, "loop": _loop,
     "estimators": _estimators, "sdft": _sdft, "variance": _variance, "population": _population,
-    "dashboard": _dashboard,
+    "dashboard": _dashboard, "fleet": _fleet,
 }  # fmt: skip
 LongFlag = Annotated[bool, typer.Option("--long", help="detector: 20 h of stable cuts; population: 500.")]
 Workers = Annotated[int | None, typer.Option("--workers", help="Processes (default: all cores).", min=1)]

@@ -36,6 +36,10 @@ IdentityDir = Annotated[
     pathlib.Path | None,
     typer.Option("--identity", help="Folder of certificates (`antiphase certs`); the bus is then at tls/HOST:PORT."),
 ]
+Machines = Annotated[
+    list[str] | None,
+    typer.Option("--machine", help="Name of the machine (default: the case's); several times: one process for all."),
+]
 ArmAfter = Annotated[
     float | None,
     typer.Option("--arm-after-s", help="Arm the guard this long after the start (s); default: OFF until asked."),
@@ -172,14 +176,14 @@ def monitor(
     case: CaseName = "thesis-652",
     connect: Connect = None,
     listen: Listen = None,
-    name: MachineName = None,
+    name: Machines = None,
     identity: IdentityDir = None,
     sensitivity: Sensitivity = None,
     as_json: JsonFlag = False,
     child: Child = False,
     reserve: Reserve = False,
     shelf: Shelf = None,
-) -> None:
+) -> int:
     """Watch the servo signals of a machine for chatter, until stopped."""
     config = load_case(case, sensitive(sensitivity))
 
@@ -189,7 +193,7 @@ def monitor(
         return MonitorNode(config, run)
 
     known = known_as("monitor", identity)
-    _follow(
+    return _follow(
         "monitor", config, make, connect, listen, name, known, as_json=as_json, child=child, reserve=reserve,
         shelf=shelf,
     )  # fmt: skip
@@ -200,12 +204,12 @@ def controller(
     case: CaseName = "thesis-652",
     connect: Connect = None,
     listen: Listen = None,
-    name: MachineName = None,
+    name: Machines = None,
     identity: IdentityDir = None,
     as_json: JsonFlag = False,
     child: Child = False,
     reserve: Reserve = False,
-) -> None:
+) -> int:
     """Decide where turret 1 shall stand after each report of the monitor, until stopped."""
     config = load_case(case)
 
@@ -215,7 +219,9 @@ def controller(
         return ControllerNode(config, run)
 
     known = known_as("controller", identity)
-    _follow("controller", config, make, connect, listen, name, known, as_json=as_json, child=child, reserve=reserve)
+    return _follow(
+        "controller", config, make, connect, listen, name, known, as_json=as_json, child=child, reserve=reserve
+    )
 
 
 def _follow(
@@ -224,18 +230,19 @@ def _follow(
     make: Callable[[str], Node],
     connect: str | None,
     listen: str | None,
-    name: str | None,
+    names: list[str] | None,
     identity: Identity | None,
     *,
     as_json: bool,
     child: bool,
     reserve: bool,
     shelf: pathlib.Path | None = None,
-) -> None:
+) -> int:
     from services.node import run_node
     from services.shelf import Shelf
 
-    answer: dict[str, Any] = {"service": service, "machine": name or config.settings.machine, "run": None}
+    machines = [check_machine(name) for name in dict.fromkeys(names or [config.settings.machine])]
+    answer: dict[str, Any] = {"service": service, "machine": machines[0], "run": None}
     with StopSignal() as stop, _stoppable():
         parent = Parent() if child or reserve else None
         if reserve and parent is not None:
@@ -244,10 +251,41 @@ def _follow(
             sys.stdout.flush()
             with stop.waiting():
                 parent.wait()
-        with on_bus(check_machine(name or config.settings.machine), connect, listen, stop, identity) as bus:
+        if len(machines) > 1:
+            fleet = _fleet(service, make, machines, connect, listen, stop, identity)
+            emit({"service": service, "machines": fleet}, "\n".join(map(_words, fleet)), as_json)
+            return 1 if any("failure" in one for one in fleet) else 0
+        with on_bus(machines[0], connect, listen, stop, identity) as bus:
             kept = Shelf(shelf) if shelf else None
             answer |= run_node(service, make, bus, clock=WallClock(), stop=stop, say=say, shelf=kept)
     emit(answer, _words(answer), as_json)
+    return 0
+
+
+def _fleet(
+    service: str,
+    make: Callable[[str], Node],
+    machines: list[str],
+    connect: str | None,
+    listen: str | None,
+    stop: StopSignal,
+    identity: Identity | None,
+) -> list[dict[str, Any]]:
+    """Serve several machines behind one router."""
+    from services.fleet import run_fleet
+
+    if listen is not None:
+        raise InputError("listen", listen, "left out with several machines: `antiphase router` holds the router")
+    endpoint = connect or home(identity)
+    patience = _patience(endpoint, stop)
+    buses = [ZenohBus.client(machine, endpoint, patience, identity) for machine in machines]
+    try:
+        return run_fleet(service, make, buses, clock=WallClock(), stop=stop, say=say)
+    finally:
+        deadline = end_within(CLOSING_S, 1)
+        for bus in buses:
+            bus.close()
+        deadline.cancel()
 
 
 @contextmanager

@@ -6,12 +6,13 @@ import threading
 from collections.abc import Callable, Iterable
 from typing import Protocol
 
+from services.bus import Received
 from services.dashboard.view import View
 from services.errors import RefusalError
 from services.messages import Event, Message
 from services.security.identity import Identity
 from services.wire import DecodeError
-from services.zenoh_bus import Inbox, Presence, Received, ZenohBus
+from services.zenoh_bus import Inbox, Presence, ZenohBus
 
 WAITING = 512
 """Messages of each topic that wait at most; of more, the newest win."""

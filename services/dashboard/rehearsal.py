@@ -11,6 +11,7 @@ from typing import Any
 import uvicorn
 from starlette.types import ASGIApp
 
+from services.bus import Received
 from services.clock import Clock
 from services.closed_loop import Loop
 from services.config import Case
@@ -18,7 +19,6 @@ from services.dashboard.server import configured, open_socket
 from services.dashboard.view import View
 from services.messages import BLOCK_S, Message
 from services.wire import encode, encoding_of, topic_of
-from services.zenoh_bus import Received
 
 
 def rehearse(case: Case, seed: int, seconds: float, arm_after_s: float, clock: Clock) -> list[list[Message]]:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from services.bus import Received
 from services.children import Child, end_all, private_folder
 from services.clock import Clock, utc_now
 from services.errors import RefusalError
@@ -27,7 +28,7 @@ from services.soak.link import Link
 from services.soak.load import busy, memory_mb, slope_mb_h
 from services.supervisor import START_S, Plan
 from services.wire import DecodeError
-from services.zenoh_bus import Received, ZenohBus
+from services.zenoh_bus import ZenohBus
 
 TICK_S, MEMORY_S = 0.002, 0.5
 CUT_S = 1.0

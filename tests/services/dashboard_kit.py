@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from services.bus import Received
 from services.dashboard.facts import Facts
 from services.dashboard.hub import Hub
 from services.dashboard.view import View
 from services.messages import ChatterReport, Event, ForceBlock, MachineState, TurretCommand
 from services.wire import encode, encoding_of, topic_of
-from services.zenoh_bus import Received
 
 RATE_HZ = 9000.0
 BLOCK = 90

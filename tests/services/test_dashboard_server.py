@@ -85,7 +85,7 @@ def test_state_and_metrics_say_what_was_sent():
 
 
 def feed_nonsense():
-    from services.zenoh_bus import Received
+    from services.bus import Received
 
     return Received("force", b"\xff\xff", "")
 

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import services.dashboard.view as view_module
+from services.bus import Received
 from services.config import load_case
 from services.dashboard.feed import pump
 from services.dashboard.frame import Seen, decode_frame, encode_frame
@@ -16,7 +17,6 @@ from services.dashboard.history import PLACE, RESENT
 from services.dashboard.sieve import REASONS
 from services.messages import OperatorRequest, ReportedLine
 from services.wire import encode
-from services.zenoh_bus import Received
 from tests.services.dashboard_kit import (
     BLOCK,
     HandFeed,

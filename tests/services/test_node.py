@@ -2,6 +2,7 @@
 
 import pytest
 
+from services.bus import Received
 from services.errors import RefusalError
 from services.messages import Event, OperatorRequest, SampleBlock, Tick, TurretCommand
 from services.node import SILENCE_S, Herald, Tenancy
@@ -9,7 +10,6 @@ from services.pace import MOST_TAKEN, PacedMachine
 from services.process import StopSignal
 from services.shelf import Shelf
 from services.wire import encode, encoding_of, topic_of
-from services.zenoh_bus import Received
 from tests.system.kit import block, command
 
 
