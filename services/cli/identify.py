@@ -1,4 +1,4 @@
-"""Verbs that find the parameters of a machine in its recordings: `identify servo`, `identify hammer`."""
+"""Verbs that find the parameters of a machine in its recordings: `identify servo`, `hammer`, `sweep`, `cutting`."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from services.cli.app import JsonFlag, OutDir, app, console, emit, positive, writable_folder
+from services.cli.app import JsonFlag, OutDir, app, console, emit, positive, require, writable_folder
 from services.cli.recordings import parse_band
+from services.errors import InputError
 from services.identified import Answer
 
 group = typer.Typer(name="identify", help="Parameters of a machine from its recordings, with confidence.",
@@ -89,6 +90,67 @@ def hammer(
     recording = with_roles(load_recording(file, rate_hz, [one.channel for one in said]), said)
     sure = any(one.role == "hammer" for one in said)
     _tell(hammer_answer(recording, parse_band(band, recording.rate_hz), sure), folder, file.name, as_json)
+
+
+@group.command()
+def sweep(
+    file: File,
+    map_: MapText = None,
+    rate_hz: RateHz = None,
+    period_s: Annotated[
+        float | None, typer.Option("--period-s", help="Period of the sweep (s); default: as the thrust repeats.")
+    ] = None,
+    band: Annotated[str | None, typer.Option("--band", help="Frequencies of the sweep, LO:HI (Hz).")] = None,
+    current_bandwidth: Annotated[
+        float, typer.Option("--current-bandwidth", help="Of the current loop (rad/s); default: a dead time instead.")
+    ] = float("inf"),
+    lead_mm: Annotated[float | None, typer.Option("--lead-mm", help="Travel in one turn of the motor (mm).")] = None,
+    gain: Annotated[
+        float | None, typer.Option("--gain", help="Thrust (N) for one unit of the recorded effort as it stands.")
+    ] = None,
+    out: OutDir = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Find inertias, dampings, stiffness and dead times of a drive in a swept sine that repeats on a constant feed."""
+    from services.identified_drive import sweep_answer
+    from services.importers.load import load_recording
+    from services.importers.roles import mapping, with_roles
+    from services.importers.servo import Constants, axis_of
+
+    for name, value, unit in (("rate-hz", rate_hz, "Hz"), ("lead-mm", lead_mm, "mm"), ("period-s", period_s, "s")):
+        if value is not None:
+            positive(name, value, unit)
+    if not current_bandwidth > 0.0:
+        raise InputError("current-bandwidth", current_bandwidth, "above 0 rad/s")
+    folder, said = writable_folder(out), mapping(map_ or ())
+    recording = with_roles(load_recording(file, rate_hz, [one.channel for one in said]), said)
+    axis = axis_of(recording, Constants(lead_m=None if lead_mm is None else 1e-3 * lead_mm, gain=gain))
+    limits = parse_band(band, recording.rate_hz)
+    _tell(sweep_answer(recording, axis, period_s, limits, current_bandwidth), folder, file.name, as_json)
+
+
+@group.command()
+def cutting(
+    file: File,
+    depth_mm: Annotated[float, typer.Option("--depth-mm", help="Depth of cut (mm).")],
+    teeth: Annotated[
+        int | None, typer.Option("--teeth", help="Teeth of a mill in a full slot; left out for turning.")
+    ] = None,
+    map_: MapText = None,
+    out: OutDir = None,
+    as_json: JsonFlag = False,
+) -> None:
+    """Find cutting and edge coefficients from forces at several feeds (one column of feed, others of force)."""
+    from services.identified_drive import cutting_answer
+    from services.importers.load import load_rows
+    from services.importers.roles import mapping, with_roles
+
+    positive("depth-mm", depth_mm, "mm")
+    if teeth is not None:
+        require("teeth", teeth, "a whole number from 1 to 100", 1 <= teeth <= 100)
+    folder, said = writable_folder(out), mapping(map_ or ())
+    recording = with_roles(load_rows(file, [one.channel for one in said]), said)
+    _tell(cutting_answer(recording, depth_mm, teeth), folder, file.name, as_json)
 
 
 def _tell(answer: Answer, folder: pathlib.Path | None, title: str, as_json: bool) -> None:

@@ -113,12 +113,17 @@ def _name_modes(axes: Any, modes: Any, band: tuple[float, float]) -> None:
 
 
 def write_identified(keys: dict[str, Any], made: Any, directory: Path, title: str) -> list[str]:
-    """Write the figure and the answer as JSON, and list the files."""
-    picture = directory / "identify.png"
-    drawn = modes_figure(keys, made[0], made[1], title) if "modes" in keys else servo_figure(keys, made, title)
-    drawn.savefig(picture, metadata={"Software": None})
+    """Write the figure, where there is one, and the answer as JSON, and list the files."""
     answer = directory / "identify.json"
     answer.write_text(json.dumps(_finite(keys), indent=2) + "\n", encoding="utf-8")
+    if "modes" in keys:
+        drawn = modes_figure(keys, made[0], made[1], title)
+    elif "mass_kg" in keys:
+        drawn = servo_figure(keys, made, title)
+    else:
+        return [str(answer)]
+    picture = directory / "identify.png"
+    drawn.savefig(picture, metadata={"Software": None})
     return [str(picture), str(answer)]
 
 

@@ -47,6 +47,24 @@ def load_recording(path: pathlib.Path, rate_hz: float | None = None, channels: S
     raise InputError("file", str(path), f"{_KNOWN} (it begins with {head[:4]!r})")
 
 
+def load_rows(path: pathlib.Path, channels: Sequence[str] = ()) -> Recording:
+    """Read a table whose rows need no time: a row for each cut, or for each sample.
+
+    Parameters
+    ----------
+    path
+        As for `load_recording`.
+    channels
+        Names of channels that are wanted.
+    """
+    try:
+        return load_recording(path, None, channels)
+    except InputError as error:
+        if error.field != "rate-hz":
+            raise
+    return load_recording(path, 1.0, channels)
+
+
 def frequency_responses(path: pathlib.Path) -> tuple[Any, list[str]] | None:
     """Return frequency responses and their names from a universal file that holds some, else None.
 

@@ -10,6 +10,7 @@ from services.cli import app
 from services.importers.lvm import read_lvm
 from services.importers.roles import role_of
 from tests.chatter.hammer_tests import pulse, ringing
+from tests.chatter.sweep_runs import swept
 
 RATE = 1000.0
 TIME = np.arange(6000) / RATE
@@ -177,3 +178,34 @@ def test_a_labview_file_that_ends_early(tmp_path, capsys):
 )  # fmt: skip
 def test_roles(name, unit, role):
     assert role_of(name, unit) == role
+
+
+def test_a_swept_sine(tmp_path, capsys):
+    thrust, motor, stage, rate, period, drive = swept("machine-a")
+    path = tmp_path / "sweep.csv"
+    columns = np.column_stack([np.arange(thrust.size) / rate, thrust, 1e3 * motor, 1e3 * stage])
+    np.savetxt(path, columns, delimiter=",", fmt="%.12g", comments="",
+               header="time_s,thrust_n,motor_position_mm,stage_position_mm")  # fmt: skip
+    said = answer(capsys, "sweep", path, "--band", "5:1000", "--current-bandwidth", drive.current_bandwidth)
+    assert said["period_s"] == pytest.approx(period / rate)
+    assert said["stage_mass_kg"] == pytest.approx(drive.stage_mass, rel=0.01)
+    assert said["screw_stiffness_n_m"] == pytest.approx(drive.drive_stiffness, rel=0.01)
+    assert said["stage_dead_time_ms"] == pytest.approx(1e3 * (drive.thrust_delay + drive.stage_delay), rel=0.01)
+    csv(path, ["time_s", "thrust_n", "pos_mm"], columns[:3000, :3].T)
+    assert answer(capsys, "sweep", path, code=2)["error"]["field"] == "map"
+
+
+def test_cutting_coefficients(tmp_path, capsys):
+    feed = np.array([0.05, 0.1, 0.15, 0.2])
+    path = csv(tmp_path / "forces.csv", ["feed_mm", "Fc_n", "Ff (lbf)"],
+               [feed, 2.0 * (1800 * feed + 30), 2.0 * (700 * feed + 50) / 4.4482216152605])  # fmt: skip
+    said = answer(capsys, "cutting", path, "--depth-mm", 2)
+    assert [row["coefficient_n_mm2"] for row in said["rows"]] == pytest.approx([1800.0, 700.0])
+    assert [row["edge_n_mm"] for row in said["rows"]] == pytest.approx([30.0, 50.0])
+    assert said["flags"] == []
+    rng = np.random.default_rng(1)
+    csv(path, ["feed_mm", "Fc_n"], [np.tile(feed, 20), 300.0 + 100.0 * rng.standard_normal(80)])
+    assert any("poor fit" in flag or "poorly" in flag for flag in
+               answer(capsys, "cutting", path, "--depth-mm", 2)["flags"])  # fmt: skip
+    csv(path, ["speed", "Fc_n"], [feed, feed])
+    assert "one column of feed" in answer(capsys, "cutting", path, "--depth-mm", 2, code=2)["error"]["rule"]
