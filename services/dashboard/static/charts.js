@@ -25,10 +25,15 @@ function options(range, y, series, more = {}) {
   };
 }
 
-function withZero(least) {
-  return (_, low, high) => {
-    const bottom = Math.min(low ?? 0, 0), top = Math.max(high ?? 0, least);
-    return [bottom - 0.08 * (top - bottom), top + 0.08 * (top - bottom)];
+// What lasts shorter than 1.5 % of the span (a turret that starts to move, a knock) may leave the axes.
+const SHORT = 0.015;
+
+function within(traces, lowRow, highRow, least) {
+  const sorted = (row) => (traces.values[row] ?? []).filter((v) => v !== null).sort((a, b) => a - b);
+  return () => {
+    const lows = sorted(lowRow), highs = sorted(highRow), skipped = Math.floor(SHORT * lows.length);
+    const bottom = Math.min(lows[skipped] ?? 0, 0), top = Math.max(highs.at(-1 - skipped) ?? 0, least);
+    return [bottom - 0.15 * (top - bottom), top + 0.15 * (top - bottom)];
   };
 }
 
@@ -53,7 +58,7 @@ export class Charts {
     const envelope = (row) => {
       const ink = colour("main");
       return [
-        options(range, { range: withZero(5) }, [{ stroke: ink, width: 1 }, { stroke: ink, width: 1 }],
+        options(range, { range: within(this.traces, `${row}_min_n`, `${row}_max_n`, 5) }, [{ stroke: ink, width: 1 }, { stroke: ink, width: 1 }],
           { bands: [{ series: [2, 1], fill: ink + "66" }] }),
         [`${row}_min_n`, `${row}_max_n`],
       ];

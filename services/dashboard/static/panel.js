@@ -45,7 +45,7 @@ export function showState(state) {
   put("speed-note", state.feed_mm_per_rev === null ? "–" : `${state.feed_mm_per_rev.toFixed(2)} mm/rev, z ${fixed(state.z_mm, 1)} mm`);
   put("guard", state.guard_state ?? "–");
   put("guard-note", state.commands_accepted === null ? "–"
-    : `${state.commands_accepted} commands, ${state.commands_rejected} rejected, ${state.commands_late} late`);
+    : `${state.commands_accepted} taken, ${state.commands_rejected} rejected, ${state.commands_late} late`);
   at("guard-note").title = state.reason ?? "";
   showPhase(state);
   showServices(state);
@@ -104,6 +104,8 @@ function showServices(state) {
   at("refused").title = state.last_refused;
 }
 
+const GRAVE = /fault|error|lost|gap|reject|gone|fail|refused|give_up|cannot|full|incomplete|-> chatter/i;
+
 export function addEvents(events) {
   const list = at("events");
   for (const event of events) {
@@ -113,6 +115,7 @@ export function addEvents(events) {
     source.textContent = event.source;
     kind.textContent = ` ${event.kind.replaceAll("_", " ")}: `;
     text.append(source, kind, event.text);
+    item.classList.toggle("grave", GRAVE.test(`${event.kind} ${event.text}`));
     item.append(time, text);
     list.prepend(item);
   }
