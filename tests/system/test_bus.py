@@ -1,5 +1,6 @@
 """The bus itself: several sessions, real TCP."""
 
+import json
 import pathlib
 import signal
 import subprocess
@@ -12,7 +13,7 @@ import zenoh
 from services.errors import InputError, RefusalError
 from services.messages import Event, SampleBlock, TurretCommand
 from services.soak.link import Link
-from services.wire import MOST_BYTES, DecodeError, key
+from services.wire import MOST_BYTES, DecodeError, decode, key
 from services.zenoh_bus import ZenohBus, check_endpoint, check_machine, open_client
 from tests.system.kit import Spy, block, command, free_endpoint, processes, until
 
@@ -234,3 +235,23 @@ def test_closing_twice_does_no_harm(router):
     bus.close()
     bus.close()
     assert until(lambda: "monitor" not in router.alive(), 5.0)
+
+
+def test_whoever_comes_late_can_ask_for_the_latest_of_any_topic(router):
+    with client(router) as talker, zenoh.open(_plain(router.endpoint)) as anybody:
+        for number in range(5):
+            talker.publish(event(number))
+
+        def latest():
+            replies = anybody.get("antiphase/m/event/@adv/**?_anyke;_max=1", timeout=2.0)
+            return [decode(Event, reply.ok.payload.to_bytes()).sequence for reply in replies if reply.ok is not None]
+
+        assert until(lambda: latest() == [4], 20.0)
+
+
+def _plain(endpoint):
+    config = zenoh.Config()
+    for name, value in (("mode", '"client"'), ("scouting/multicast/enabled", "false"),
+                        ("connect/endpoints", json.dumps([endpoint]))):  # fmt: skip
+        config.insert_json5(name, value)
+    return config
