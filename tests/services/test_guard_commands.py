@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from services.guard_commands import LONGEST_NONCE, MOST_NONCES, MOST_SAMPLES
+from services.guard_commands import LONGEST_NONCE, MOST_NONCES, MOST_SAMPLES, Doorkeeper
 from services.messages import OperatorRequest
-from tests.services.guard_kit import BLOCK, LIMITS, RATE, Rig
+from tests.services.guard_kit import BLOCK, LIMITS, RATE, Rig, limits
 
 AGE, LEAD = round(LIMITS.command_age * RATE), round(LIMITS.command_lead * RATE)
 TARGET = math.degrees(LIMITS.target)
@@ -186,6 +186,18 @@ def test_moves_per_minute_at_the_edge_of_the_minute():
     rig.now = first + 540_000
     assert rig.guard.command(rig.make(1.0), rig.now).accepted
     assert rig.say(2.0).reason == "moves"
+
+
+def test_a_move_counts_for_a_minute_and_the_last_one_for_the_dwell():
+    door = Doorkeeper(limits(moves_per_minute=2, dwell=1.0), "run", "controller", "operator")
+    assert door.hurried(0) == ""
+    door.moved(0)
+    assert (door.hurried(8999), door.hurried(9000)) == ("dwell", "")
+    door.moved(20_000)
+    assert (door.hurried(29_000), door.hurried(539_999)) == ("moves", "moves")
+    assert door.hurried(540_000) == ""
+    door.moved(540_000)
+    assert (door.hurried(559_999), door.hurried(560_000)) == ("moves", "")
 
 
 def test_moves_of_an_earlier_session_count_too():

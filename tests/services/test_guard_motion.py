@@ -288,6 +288,20 @@ def test_a_path_that_rests_elsewhere_is_not_joined():
             assert ("does not begin" in why or "arc" in why) is not passes
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_left_of_a_stop_counts_with_the_path(sign):
+    """The path keeps the limit, but what leaves is the path and what the last stop left to be taken out."""
+    lim = limits(**WIDE | {"x1": 1e-3})
+    for size, passes in ((0.9989e-3, True), (0.9995e-3, False)):
+        envelope = Envelope(lim, (0.0, sign * 0.9990e-3, 0.0))
+        envelope.hold(step(1, 0.0) + np.array([[0.0], [sign * 0.9980e-3], [0.0]]), 90)
+        points = np.zeros((3, 90))
+        points[1] = sign * np.where(np.arange(90) < 1, 0.9980e-3, size - 0.001e-3 * (size < 0.9990e-3))
+        why = envelope.follow(points, 90, ANYWHERE)
+        assert why.startswith("" if passes else "position of x1")
+        assert bool(why) is not passes
+
+
 def test_what_is_handed_out_cannot_be_used_to_change_the_history():
     envelope = resting(LIMITS)
     for handed in (envelope.position, envelope.rest, envelope.issued(5)):
