@@ -29,7 +29,7 @@ from services.nodes.controller import ControllerNode
 from services.nodes.machine import MachineNode, make_plant
 from services.nodes.monitor import MonitorNode
 from services.record import RunRecord
-from services.tape import Tape, evaluate, make_record, plant_surface, tape_surface, twin_series
+from services.tape import Tape, controlled_series, evaluate, make_record, plant_surface, tape_surface, twin_series
 from turning_sim import PlantBlock, Simulator, slides_of_shift
 
 Progress = Callable[[float], None]
@@ -101,7 +101,8 @@ def judge(case: Case, seed: int, tape: Tape, *, interrupted: bool) -> Outcome:
     with refusing(case, SUMMARY_KEYS):
         block = open_loop(case, make_plant(case, seed), samples)
     surface, twin = tape_surface(case, tape), plant_surface(case, block)
-    record = make_record(case, seed, tape, surface, twin_series(case, block, twin), interrupted=interrupted)
+    cuts = controlled_series(case, tape, surface), twin_series(case, block, twin)
+    record = make_record(case, seed, tape, *cuts, interrupted=interrupted)
     return Outcome(record=record, summary=evaluate(record, surface, twin))
 
 

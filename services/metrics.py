@@ -145,7 +145,7 @@ def suppressed_time(record: RunRecord) -> float | None:
     The half second counts only while the tools are in the cut: leaving the part is not suppression.
     """
     shifted = first_shift_time(record)
-    if shifted is None:
+    if shifted is None or not record.has_truth:
         return None
     below = (envelope_um(record, record.controlled) < record.threshold_um) & (record.controlled.in_cut > 0.5)
     rate = record.sample_rate_hz
@@ -154,9 +154,9 @@ def suppressed_time(record: RunRecord) -> float | None:
 
 
 def marked_length(record: RunRecord, cut: CutSeries) -> float | None:
-    """Length of part cut above the threshold (mm), None when the part was never reached."""
+    """Length of part cut above the threshold (mm), None when the part was never reached, or nobody knows."""
     where = judged(record, cut)
-    if not np.any(cut.in_cut > 0.5):
+    if not np.any(cut.in_cut > 0.5) or cut.vibration_um.size == 0:
         return None
     above = np.count_nonzero((envelope_um(record, cut) > record.threshold_um) & where)
     feed_rate_mm_s = record.feed_mm_per_rev * record.spindle_speed_rpm / 60.0
@@ -172,7 +172,8 @@ class Summary:
     outcome
         One word for all: `no_cut`, `stable`, `forced`, `missed`, `not_moved`, `gave_up`, `not_suppressed`,
         `suppressed`, `prevented` (moved before the threshold was passed), `false_alarm` (the twin never passed it)
-        or `undecided` (the run ended before it could be judged).
+        or `undecided` (the run ended before it could be judged); of a recording without a twin `no_alarm`,
+        `alarm_ended` (within its last half second there is none) or `alarm_lasts`.
     doubts
         What lies outside the range of the model, in words; nothing if all is well.
     """
@@ -232,7 +233,7 @@ def summarize(
     onset, detection, commands = onset_time(record), detection_block(record), command_blocks(record)
     detected = None if detection is None else block_end(record, detection)
     shift = float(record.reports.shift_requested_deg[commands[0]]) if commands.size else None
-    simulated = record.controlled.vibration_um.size / rate
+    simulated = record.controlled.shift_applied_deg.size / rate
     return Summary(
         case=record.case,
         seed=record.seed,
@@ -276,6 +277,8 @@ def _outcome(record: RunRecord, onset: float | None) -> str:
         return "no_cut"
     if any(event.kind == GIVE_UP_EVENT for event in record.events):
         return "gave_up"
+    if not record.has_twin:
+        return _outcome_alone(record)
     if detection_block(record) is None:
         if not np.any(judged(record, record.controlled)):
             return "undecided"
@@ -285,6 +288,16 @@ def _outcome(record: RunRecord, onset: float | None) -> str:
     if command_blocks(record).size == 0:
         return "not_moved" if onset is not None or record.interrupted else "false_alarm"
     return _outcome_of_move(record, onset)
+
+
+def _outcome_alone(record: RunRecord) -> str:
+    """Judge a recording by what the monitor said, when there is no cut without control to set beside it."""
+    if detection_block(record) is None:
+        return "no_alarm" if forced_block(record) is None else "forced"
+    if command_blocks(record).size == 0:
+        return "not_moved"
+    last = record.reports.state[-round(SUPPRESSED_HOLD_S / BLOCK_S) :]
+    return "alarm_lasts" if CHATTER_STATE in last else "alarm_ended"
 
 
 def _outcome_of_move(record: RunRecord, onset: float | None) -> str:
@@ -306,7 +319,7 @@ def _judged_after(record: RunRecord, time_s: float) -> float:
 
 def _peak(record: RunRecord, cut: CutSeries) -> float | None:
     where = judged(record, cut)
-    return float(np.max(envelope_um(record, cut)[where])) if np.any(where) else None
+    return float(np.max(envelope_um(record, cut)[where])) if np.any(where) and cut.vibration_um.size else None
 
 
 def _first_frequency(record: RunRecord, detection: int | None) -> float | None:

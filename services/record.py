@@ -68,6 +68,8 @@ class ReportSeries:
 class RunRecord:
     """A closed-loop run and its uncontrolled twin (the same seed, never moved).
 
+    A recording may lack the twin, and the truth that only a simulated machine tells: then those series are empty. Times
+    count from its first sample, `origin_s` after the machine's.
     `chatter_band_hz` is where vibration is judged, `search_band_hz` where the monitor looks for chatter;
     `guard_limits` are all limits of the guard in words, `doubts` what lies outside the range of the model;
     `false_alarms_per_h` is how often stationary noise passes the limit of the monitor.
@@ -98,3 +100,14 @@ class RunRecord:
     config_hash: str
     versions: dict[str, str]
     false_alarms_per_h: float | None = None
+    origin_s: float = 0.0
+
+    @property
+    def has_twin(self) -> bool:
+        """Whether a cut without control is known."""
+        return self.twin.shift_applied_deg.size > 0
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether it is known what the bar did."""
+        return self.controlled.vibration_um.size > 0

@@ -17,7 +17,7 @@ from services.bus import InMemoryBus, Node
 from services.clock import Clock
 from services.config import Case
 from services.errors import InputError
-from services.messages import Event, Message, SampleBlock, TurretCommand
+from services.messages import Event, Message, SampleBlock, Truth, TurretCommand
 from services.nodes import controller, monitor
 from services.recording_file import RecordingReader, read_messages, read_metadata
 from services.sections import build
@@ -71,12 +71,15 @@ class Replay:
         recording, unless it was made in lockstep; the wall time is that of monitor and controller alone.
     comparison
         Of what was said from start to stop.
+    metadata
+        What the recording says of itself.
     notes
         What the file lacks.
     """
 
     case: Case
     seed: int
+    metadata: dict[str, str]
     run: str
     tape: Tape
     comparison: Comparison
@@ -158,6 +161,7 @@ def replay(
     return Replay(
         case=used,
         seed=int(seed) if (seed := reader.metadata.get("seed", "")).isdecimal() else used.settings.seed,
+        metadata=reader.metadata,
         run=run,
         tape=tape,
         comparison=compare(player.then, now),
@@ -233,6 +237,12 @@ class _Taker:
             self.tape.latency_ms.append(1e3 * (self._clock.now() - self._published))
         if message.source in SOURCES:
             self.said.append(message)
+
+
+def repeatable(again: Replay) -> bool:
+    """Whether the cut can be repeated without control: recorded from its first sample on, with truth and seed."""
+    blocks = again.tape.of(SampleBlock)
+    return bool(again.metadata.get("seed") and again.tape.of(Truth) and blocks and blocks[0].first_sample == 0)
 
 
 def compare(then: Iterable[Message], now: Iterable[Message]) -> Comparison:

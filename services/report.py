@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
-from collections.abc import Iterable, Sequence
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 from services.metrics import Summary
 from services.record import RunRecord
-from services.sentences import NOTHING, arc_mm, limit_source, noise_passes, number, tiles, verdict
-
-TONE_WORDS = {"good": "Good", "warn": "Look closer", "bad": "Not good", "neutral": "Nothing to judge"}
+from services.report_page import figures, folded, head, page, section, table
+from services.sentences import NOTHING, arc_mm, limit_source, noise_passes, number, verdict
 
 CAPTIONS = {
     "spectrograms": (
@@ -45,13 +41,22 @@ CAPTIONS = {
     ),
 }
 
-NOT_VERIFIED = (
-    "Everything here was simulated: cut, bar, feed drives and sensors. No machine was moved and no part was cut.",
+SIMULATED = (
+    "Everything here was simulated: cut, bar, feed drives and sensors. No machine was moved and no part was cut."
+)
+NO_SAFETY = (
     "This software is a process-control function, not a safety function. Emergency stop, guards, drive limits and "
-    "soft limits stay in the machine; no performance level (ISO 13849-1) is claimed.",
+    "soft limits stay in the machine; no performance level (ISO 13849-1) is claimed."
+)
+NOT_JUDGED = (
+    "Tool wear, rake at large shifts, chip breaking, heat and the second bending direction of the bar are not judged."
+)
+NOT_VERIFIED = (
+    SIMULATED,
+    NO_SAFETY,
     "The vibration, the threshold and the roughness come from the model of the plant; on a machine, measure the part.",
     "The uncontrolled cut is a twin with the same random numbers, not a second measurement.",
-    "Tool wear, rake at large shifts, chip breaking, heat and the second bending direction of the bar are not judged.",
+    NOT_JUDGED,
 )
 
 
@@ -83,50 +88,24 @@ def render(record: RunRecord, summary: Summary, directory: Path) -> str:
     """Compose the whole page; figures are read from `directory`, those missing are left out."""
     body = "\n".join(
         (
-            _head(record, summary),
-            _section("Key numbers", _numbers(record, summary)),
-            _section("What happened", _figures(directory)),
-            _section("Event log", _events(record)),
-            _section("Limits in force", _limits(record, summary)),
-            _section("Configuration and versions", _configuration(record)),
-            _section("What was not verified", _not_verified(record)),
+            head(f"Run report · {record.case} · seed {record.seed}", record, summary),
+            section("Key numbers", _numbers(record, summary)),
+            section("What happened", figures(directory, CAPTIONS)),
+            section("Event log", _events(record)),
+            section("Limits in force", limits(record, summary)),
+            section("Configuration and versions", _configuration(record)),
+            section("What was not verified", _not_verified(record)),
         )
     )
-    style = files("services").joinpath("report.css").read_text(encoding="utf-8")
-    return (
-        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
-        "style-src 'unsafe-inline'\">\n"
-        f'<link rel="icon" href="data:,">\n<title>{escape(_page_title(record, summary))}</title>\n'
-        f"<style>\n{style}</style>\n</head>\n<body>\n<main>\n{body}\n"
-        f"<footer>antiphase {escape(record.versions.get('antiphase', ''))} · configuration "
-        f"<code>{escape(record.config_hash)}</code> · seed {record.seed}</footer>\n</main>\n</body>\n</html>\n"
+    footer = (
+        f"antiphase {escape(record.versions.get('antiphase', ''))} · configuration "
+        f"<code>{escape(record.config_hash)}</code> · seed {record.seed}"
     )
+    return page(_page_title(record, summary), body, footer)
 
 
 def _page_title(record: RunRecord, summary: Summary) -> str:
     return f"{verdict(record, summary).title} · {record.case}"
-
-
-def _section(title: str, content: str) -> str:
-    return f"<section>\n<h2>{escape(title)}</h2>\n{content}\n</section>"
-
-
-def _head(record: RunRecord, summary: Summary) -> str:
-    judged = verdict(record, summary)
-    sentences = "".join(f"<li>{escape(sentence)}</li>" for sentence in judged.sentences)
-    shown = "".join(
-        f"<div><dt>{escape(caption)}</dt><dd>{escape(value)}</dd></div>" for value, caption in tiles(record, summary)
-    )
-    partial = " · partial" if summary.interrupted else ""
-    return (
-        f'<header>\n<p class="over">Run report · {escape(record.case)} · seed {record.seed}{partial}</p>\n'
-        f"<h1>{escape(record.title)}</h1>\n</header>\n"
-        f'<div class="verdict {judged.tone}">\n<p class="word">{TONE_WORDS[judged.tone]}</p>\n'
-        f'<p class="title">{escape(judged.title)}</p>\n<ul>{sentences}</ul>\n</div>\n'
-        f'<dl class="tiles">{shown}</dl>'
-    )
 
 
 Row = tuple[str, str, str]
@@ -199,43 +178,15 @@ def _numbers(record: RunRecord, summary: Summary) -> str:
     return f'<div class="card"><table class="numbers"><tbody>{"".join(lines)}</tbody></table></div>'
 
 
-def _figures(directory: Path) -> str:
-    shown: list[str] = []
-    for name, (title, text) in CAPTIONS.items():
-        path = directory / f"{name}.png"
-        if not path.is_file():
-            continue
-        data = base64.b64encode(path.read_bytes()).decode("ascii")
-        shown.append(
-            f'<figure><div class="sheet"><img src="data:image/png;base64,{data}" alt="{escape(title)} {escape(text)}">'
-            f"</div><figcaption><b>{escape(title)}</b> {escape(text)}</figcaption></figure>"
-        )
-    return "\n".join(shown) or "<p>No figures were drawn for this run.</p>"
-
-
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]], classes: Sequence[str]) -> str:
-    top = "".join(f'<th scope="col">{escape(word)}</th>' for word in head)
-    body = "".join(
-        "<tr>" + "".join(f'<td class="{c}">{escape(cell)}</td>' for cell, c in zip(row, classes, strict=True)) + "</tr>"
-        for row in rows
-    )
-    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
-
-
-EVENTS_OPEN = 40
-
-
 def _events(record: RunRecord) -> str:
     if not record.events:
         return "<p>Nothing was logged.</p>"
     rows = [(f"{e.sample / record.sample_rate_hz:.3f} s", e.kind.replace("_", " "), e.text) for e in record.events]
-    table = _table(("Time", "What", "Detail"), rows, ("time", "kind", "text"))
-    if len(rows) <= EVENTS_OPEN:
-        return f'<div class="card">{table}</div>'
-    return f"<details><summary>{len(rows)} events</summary>{table}</details>"
+    return folded(table(("Time", "What", "Detail"), rows, ("time", "kind", "text")), f"{len(rows)} events", len(rows))
 
 
-def _limits(record: RunRecord, summary: Summary) -> str:
+def limits(record: RunRecord, summary: Summary) -> str:
+    """Return the limits in force as HTML."""
     low, high = record.search_band_hz
     last = record.reports.limit[-1] if record.reports.limit.size else None
     rows = [
@@ -250,13 +201,14 @@ def _limits(record: RunRecord, summary: Summary) -> str:
         ("Bar diameter", number(record.diameter_mm, 2, "mm"), "at the tools"),
     ]  # fmt: skip
     guard = [tuple(line.split(" = ", 1)) for line in record.guard_limits]
-    every = _table(("Limit of the guard", "Value"), guard, ("", "value"))
-    shown = _table(("Limit", "Value", "Meaning"), rows, ("", "value", "note"))
-    return f'<div class="card">{shown}</div><details><summary>All limits of the guard</summary>{every}</details>'
+    every = table(("Limit of the guard", "Value"), guard, ("", "value"))
+    shown = table(("Limit", "Value", "Meaning"), rows, ("", "value", "note"))
+    folded_limits = f"<details><summary>All limits of the guard</summary>{every}</details>" if guard else ""
+    return f'<div class="card">{shown}</div>{folded_limits}'
 
 
 def _configuration(record: RunRecord) -> str:
-    versions = _table(("Package", "Version"), sorted(record.versions.items()), ("", "value"))
+    versions = table(("Package", "Version"), sorted(record.versions.items()), ("", "value"))
     return (
         f"<p>Configuration hash <code>{escape(record.config_hash)}</code>, seed {record.seed}: the same two give the "
         "same run, bit for bit.</p>\n"

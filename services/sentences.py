@@ -11,6 +11,7 @@ from services.record import RunRecord
 
 Tone = Literal["good", "warn", "bad", "neutral"]
 NOTHING = "–"
+NO_TWIN = "There is no cut without control to compare it with: this is what was recorded, and no more."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +28,7 @@ LIMIT_SOURCES = {
     "floor": "from the noise of the present cut",
     "configured": "configured, until learned",
     "cutting": "learned in quiet cutting",
+    "floor": "above the noise of the cut",
     "reference": "learned from a reference",
     "spectrum": "from the spectrum itself",
     "none": "not learned yet",
@@ -108,6 +110,8 @@ def _moved(record: RunRecord, summary: Summary) -> str:
 
 
 def _marked(summary: Summary) -> str:
+    if summary.marked_length_mm is None:
+        return ""
     if not summary.marked_length_mm:
         return "No part of the surface was marked."
     return f"{number(summary.marked_length_mm, 2, 'mm')} of part was marked."
@@ -212,10 +216,31 @@ def _no_cut(record: RunRecord, summary: Summary) -> Told:
     ]  # fmt: skip
 
 
+def _no_alarm(record: RunRecord, summary: Summary) -> Told:
+    del record
+    return "neutral", "No alarm was raised", [
+        f"{number(summary.simulated_s, 2, 's')} were recorded.", _marked(summary), NO_TWIN,
+    ]  # fmt: skip
+
+
+def _alarm_ended(record: RunRecord, summary: Summary) -> Told:
+    return "good", f"Chatter at {number(summary.chatter_hz, 0, 'Hz')} found, and the alarm ended after the move", [
+        _found(record, summary), _moved(record, summary), _marked(summary), NO_TWIN,
+    ]  # fmt: skip
+
+
+def _alarm_lasts(record: RunRecord, summary: Summary) -> Told:
+    return "bad", f"Chatter at {number(summary.chatter_hz, 0, 'Hz')} found, and the alarm lasts", [
+        _found(record, summary), _moved(record, summary),
+        "The monitor still said chatter within the last half second.", _marked(summary), NO_TWIN,
+    ]  # fmt: skip
+
+
 _TELLERS = {
     "suppressed": _suppressed, "prevented": _prevented, "stable": _stable, "forced": _forced, "missed": _missed,
     "not_moved": _not_moved, "gave_up": _gave_up, "not_suppressed": _not_suppressed, "false_alarm": _false_alarm,
-    "undecided": _undecided, "no_cut": _no_cut,
+    "undecided": _undecided, "no_cut": _no_cut, "no_alarm": _no_alarm, "alarm_ended": _alarm_ended,
+    "alarm_lasts": _alarm_lasts,
 }  # fmt: skip
 
 
@@ -229,9 +254,12 @@ def tiles(record: RunRecord, summary: Summary) -> list[tuple[str, str]]:
         (latency, number(None if latency is None else 1e3 * abs(latency), 0, "ms"), when),
         (arc, number(arc, 2, "mm"), f"turret 1 moved ({number(summary.shift_deg, 2, '°')})"),
         (summary.marked_length_mm, number(summary.marked_length_mm, 2, "mm"), "of part marked"),
-        (summary.ra_after_um, f"{number(summary.ra_before_um, 1)} → {number(summary.ra_after_um, 1, 'µm')}",
-         "roughness Ra, without → with"),
     ]  # fmt: skip
+    if summary.ra_before_um is None:
+        shown.append((summary.ra_after_um, number(summary.ra_after_um, 1, "µm"), "roughness Ra, once calm"))
+    else:
+        both = f"{number(summary.ra_before_um, 1)} → {number(summary.ra_after_um, 1, 'µm')}"
+        shown.append((summary.ra_after_um, both, "roughness Ra, without → with"))
     if summary.detected_s is None:
         shown.append((summary.peak_vibration_um, number(summary.peak_vibration_um, 2, "µm"), "largest vibration"))
     return [(text, caption) for value, text, caption in shown if value is not None]

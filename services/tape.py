@@ -184,7 +184,7 @@ def report_series(tape: Tape) -> ReportSeries:
 
 
 def make_record(
-    case: Case, seed: int, tape: Tape, surface: Surface, twin: CutSeries, *, interrupted: bool
+    case: Case, seed: int, tape: Tape, controlled: CutSeries, twin: CutSeries, *, interrupted: bool
 ) -> RunRecord:
     """Return everything that a report shows."""
     settings, cutting = case.settings, case.cutting
@@ -205,7 +205,7 @@ def make_record(
         shift_limit_deg=math.degrees(case.limits.target),
         guard_limits=case.limits.describe(),
         doubts=doubts_of(case, math.radians(max((abs(c.shift_deg) for c in tape.of(TurretCommand)), default=0.0))),
-        controlled=controlled_series(case, tape, surface),
+        controlled=controlled,
         twin=twin,
         reports=report_series(tape),
         events=tuple(tape.of(Event)),
@@ -229,12 +229,12 @@ def evaluate(record: RunRecord, surface: Surface, twin: Surface) -> Summary:
     """Return the numbers of a run, with the roughness of both surfaces; the wall time is for the caller."""
     return summarize(
         record,
-        ra_before_um=_ra_from(record, record.twin, twin, onset_time(record)),
-        ra_after_um=_ra_from(record, record.controlled, surface, suppressed_time(record)),
+        ra_before_um=ra_from(record, record.twin, twin, onset_time(record)),
+        ra_after_um=ra_from(record, record.controlled, surface, suppressed_time(record)),
     )
 
 
-def _ra_from(record: RunRecord, cut: CutSeries, surface: Surface, start_s: float | None) -> float | None:
+def ra_from(record: RunRecord, cut: CutSeries, surface: Surface, start_s: float | None) -> float | None:
     """Return Ra (um) of what was cut from a time on, None when there is nothing to measure."""
     if start_s is None:
         return None

@@ -201,12 +201,13 @@ def conclude(
     recorded: Sequence[pathlib.Path] = (),
     extra: dict[str, Any] | None = None,
     more: str = "",
+    judged: Callable[[], Outcome] | None = None,
 ) -> int:
-    """Evaluate, draw and write what was seen; only a second Ctrl-C stops this."""
+    """Evaluate, draw and write what was seen; only a second Ctrl-C stops this. `judged` does without the twin."""
     clock = WallClock()
     started = clock.now() - wall_s
     with finishing():
-        outcome = judge(case, seed, tape, interrupted=interrupted)
+        outcome = judged() if judged else judge(case, seed, tape, interrupted=interrupted)
         figures = _draw(outcome, out)
         outcome = replace(outcome, summary=replace(outcome.summary, total_wall_s=clock.now() - started))
         written = [*recorded, *figures, *_write(outcome, out)]
@@ -218,7 +219,7 @@ def conclude(
 
 
 def _draw(outcome: Outcome, out: pathlib.Path | None) -> list[pathlib.Path]:
-    if out is None:
+    if out is None or not outcome.record.has_twin:
         return []
     from services.figures import write_figures
 
@@ -230,7 +231,8 @@ def _write(outcome: Outcome, out: pathlib.Path | None) -> list[pathlib.Path]:
         return []
     from services.report import write_report, write_summary
 
-    return [write_summary(outcome.summary, out), write_report(outcome.record, outcome.summary, out)]
+    reports = [write_report(outcome.record, outcome.summary, out)] if outcome.record.has_twin else []
+    return [write_summary(outcome.summary, out), *reports]
 
 
 def words(outcome: Outcome) -> str:

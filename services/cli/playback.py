@@ -54,6 +54,10 @@ def replay(
 def _again(
     file: pathlib.Path, pace: float | None, stretch_s: tuple[float, float], out: pathlib.Path | None, as_json: bool
 ) -> int:
+    from services.closed_loop import Outcome
+    from services.metrics import summarize
+    from services.observed import record_of
+    from services.replay import repeatable
     from services.replay import replay as play
 
     folder, clock = writable_folder(out), WallClock()
@@ -71,8 +75,15 @@ def _again(
         console.print(f"note: {line}", markup=False, highlight=False)
     said = "to the bit" if seen.same else f"with {seen.different.total()} differences"
     text = f"\n{seen.compared.total()} messages compared with the recording: {said}."
-    wall = clock.now() - started
-    return conclude(result.case, result.seed, result.tape, False, folder, wall, as_json, extra=extra, more=text)
+
+    def alone() -> Outcome:
+        record, _ = record_of(result.tape, result.case, result.metadata)
+        return Outcome(record=record, summary=summarize(record))
+
+    return conclude(
+        result.case, result.seed, result.tape, False, folder, clock.now() - started, as_json, extra=extra, more=text,
+        judged=None if repeatable(result) else alone,
+    )  # fmt: skip
 
 
 def _publish(

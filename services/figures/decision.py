@@ -155,7 +155,7 @@ def _draw_shift(axes: Axes, view: View, window_s: tuple[float, float], *, limits
     draw_line(axes, view.time_s, view.record.controlled.shift_applied_deg, window_s, SHIFT)
     told = requested[np.isfinite(requested)]
     reach = max(float(np.max(np.abs(told), initial=0.0)), view.summary.max_shift_deg, 0.1)
-    if limits:
+    if limits and np.isfinite(bound):
         for sign in (1.0, -1.0):
             axes.axhline(sign * bound, color=ALARM, linewidth=1.0)
             axes.axhspan(sign * bound, sign * bound * 1.25, color="#f6e8ef", linewidth=0)

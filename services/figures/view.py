@@ -44,7 +44,7 @@ class View:
         return cls(
             record=record,
             summary=summary,
-            time_s=np.arange(record.controlled.vibration_um.size) / record.sample_rate_hz,
+            time_s=np.arange(record.controlled.shift_applied_deg.size) / record.sample_rate_hz,
             report_time_s=record.reports.first_sample / record.sample_rate_hz + BLOCK_S,
             envelope_um=envelope_um(record, record.controlled),
             envelope_twin_um=envelope_um(record, record.twin),
