@@ -114,7 +114,8 @@ class ChatterReport(Message, frozen=True, kw_only=True):
     `indicator` and `limit` are root mean squares of the band, `line_n` and `line_limit_n` amplitudes of its strongest
     line. `lines` are those near their limits, the strongest first. `cutting` is what the machine says or, if it says
     nothing, what the signal shows. `comb_hz` is the fundamental of harmonics that contradict the spindle speed.
-    `false_alarms_per_h` is how often stationary noise passes the line limit at the setting in force.
+    `false_alarms_per_h` is how often stationary noise passes the line limit at the setting in force. Fields with a
+    default came with format version 1.1: a report of version 1.0 is read without them.
     """
 
     first_sample: int
@@ -134,13 +135,13 @@ class ChatterReport(Message, frozen=True, kw_only=True):
     in_cut: bool
     spindle_speed_rpm: float
     diameter_mm: float
-    line_n: float
-    line_limit_n: float
-    lines: tuple[ReportedLine, ...]
-    cutting: bool | None
-    comb_hz: float | None
-    notes: tuple[str, ...]
-    false_alarms_per_h: float
+    line_n: float | None = None
+    line_limit_n: float | None = None
+    lines: tuple[ReportedLine, ...] = ()
+    cutting: bool | None = None
+    comb_hz: float | None = None
+    notes: tuple[str, ...] = ()
+    false_alarms_per_h: float | None = None
     shift_requested_deg: float
     shift_applied_deg: float
 

@@ -28,7 +28,6 @@ LIMIT_SOURCES = {
     "floor": "from the noise of the present cut",
     "configured": "configured, until learned",
     "cutting": "learned in quiet cutting",
-    "floor": "above the noise of the cut",
     "reference": "learned from a reference",
     "spectrum": "from the spectrum itself",
     "none": "not learned yet",

@@ -59,7 +59,9 @@ def _cells(kind: Kind, values: Any) -> list[Any]:
         return ["" if number is None else repr(float(number)) for number in numbers]
     if isinstance(values, np.ndarray):
         return values.tolist()
-    return [int(value) for value in values] if kind == "bool" else values
+    if kind == "bool":
+        return ["" if value is None else int(value) for value in values]
+    return values
 
 
 class ParquetTable:
@@ -86,12 +88,15 @@ class ParquetTable:
 
 
 class Hdf5Table:
-    """One dataset for each column, compressed; what was run stands in the attributes of the file."""
+    """One dataset for each column, compressed; what was run stands in the attributes of the file.
+
+    What is missing is NaN, an empty text, or -1 where it would be true or false.
+    """
 
     def __init__(self, path: pathlib.Path, kinds: Kinds, told: Mapping[str, str]) -> None:
         import h5py
 
-        types = {"int": np.int64, "float": np.float64, "bool": np.uint8, "text": h5py.string_dtype()}
+        types = {"int": np.int64, "float": np.float64, "bool": np.int8, "text": h5py.string_dtype()}
         self.path, self._kinds = path, kinds
         self._file: Any = h5py.File(str(path), "w")
         self._file.attrs.update({f"antiphase_{name}": value for name, value in told.items() if value})
@@ -114,6 +119,8 @@ class Hdf5Table:
 
 
 def _stored(kind: Kind, values: Any) -> Any:
+    if kind == "bool":
+        return [-1 if value is None else int(value) for value in values]
     if kind == "float" and not isinstance(values, np.ndarray):
         return [math.nan if value is None else value for value in values]
     return ["" if value is None else value for value in values] if kind == "text" else values

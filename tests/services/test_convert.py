@@ -41,7 +41,9 @@ def table(folder, name):
 def same(cell, value):
     """Whether a cell says what a field said."""
     if value is None:
-        return cell in (None, "") or np.isnan(cell)
+        return cell in (None, "", -1) or np.isnan(cell)
+    if isinstance(value, tuple):
+        return json.loads(cell) == json.loads(msgspec.json.encode(value))
     if isinstance(value, str):
         return cell == value
     read = float(cell)

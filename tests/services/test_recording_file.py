@@ -31,13 +31,13 @@ TURN_NS = 10_000_000
 def message_of(kind: type[Message], number: int) -> Message:
     """A message of any type that tells its number."""
     known = {"guard_state": "ACTIVE", "request": "arm", "action": "move", "sequence": number}
-    plain = {int: 3, float: 2.5, bool: True, str: "x", float | None: None, str | None: "forced"}
+    plain = {int: 3, float: 2.5, bool: True, str: "x", float | None: None, str | None: "forced", bool | None: None}
     given = {
         field.name: known[field.name]
         if field.name in known
         else np.sin(number + np.arange(90.0))
         if field.type == Floats
-        else plain[field.type]
+        else plain.get(field.type, ())
         for field in msgspec.structs.fields(kind)
         if field.name not in ("version", "minor")
     }
@@ -106,7 +106,9 @@ def test_other_programs_can_read_it_with_what_is_in_it(tmp_path):
                 properties = json.loads(schema.data)["properties"]
                 assert properties.keys() == json.loads(message.data).keys()
                 # Foxglove 2.x refuses a schema in which a property has no type, or more than one.
-                assert {rule["type"] for rule in properties.values()} <= {"string", "number", "integer", "boolean"}
+                parts = [rule.get("items", rule) for rule in properties.values()]
+                parts += [rule for part in parts for rule in part.get("properties", {}).values()]
+                assert {part["type"] for part in parts} <= {"string", "number", "integer", "boolean", "object"}
 
 
 def test_what_is_written_is_on_disk_before_anything_is_closed(tmp_path):

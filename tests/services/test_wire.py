@@ -1,6 +1,7 @@
 """Every message survives the wire to the bit, and no bytes whatever do harm."""
 
 import ast
+import json
 import math
 import pathlib
 import struct
@@ -234,6 +235,16 @@ def test_a_message_without_a_minor_version_is_of_minor_version_0(kind):
         payload = encode(message).replace(b'"minor":0,', b"")
         assert b"minor" not in payload
     assert bits(decode(kind, payload)) == bits(message)
+
+
+@pytest.mark.parametrize("kind", STATES)
+def test_a_state_of_version_1_0_is_read_without_the_fields_that_came_later(kind):
+    whole = json.loads(encode(example(kind)))
+    defaults = {field.name: field.default for field in msgspec.structs.fields(kind) if not field.required}
+    later = {name: value for name, value in defaults.items() if name not in (*FORMAT, "cause")}
+    told = {name: value for name, value in whole.items() if name not in (*later, "minor")}
+    expected = msgspec.structs.replace(example(kind), minor=0, **later)
+    assert bits(decode(kind, json.dumps(told).encode())) == bits(expected)
 
 
 @pytest.mark.parametrize("kind", STATES)
