@@ -16,7 +16,7 @@ from services.config import load_case
 from services.estimator import estimated_force, force_observer
 
 Row = dict[str, Any]
-DEFAULT = "load_side"
+DEFAULT = "standing"
 BLOCK = 90
 
 
