@@ -24,6 +24,9 @@ BACKGROUND = 3
 """Terms of the polynomial that stands for all other modes."""
 _MOST_TOGETHER = 5
 _WIDTHS, _LINES = 6.0, 6
+_MOST_NEIGHBOURS = 10
+_STEPS = (1.5, 1.2)
+"""How far a pole may move: in half widths, and the logarithm of its damping."""
 _LEAST_LINES = 8
 
 
@@ -107,7 +110,11 @@ def modes_of(frf: Frf, band_hz: tuple[float, float] | None = None, most: int = M
     if not alive.any():
         raise ValueError("response must not be zero in the band, got zeros in all channels")
     diagram = diagram_of(hz, frf.response[alive], (low, high))
-    found = [mode for group in _groups(diagram.candidates, line) for mode in _refined(frf, group, line, alive)]
+    found = [
+        mode
+        for group in _groups(diagram.candidates, line)
+        for mode in _refined(frf, group, [c for c in diagram.candidates if c not in group], line, alive)
+    ]
     modes = _apart(sorted(found, key=lambda mode: mode.frequency_hz), line)
     notes: list[str] = []
     if len(modes) > most:
@@ -147,9 +154,14 @@ def _reach(one: Candidate, line: float) -> float:
 
 
 class _Local:
-    """Lines around a group of poles, and the fit of residues and background to them."""
+    """Lines around a group of poles, and the fit of residues and background to them.
 
-    def __init__(self, frf: Frf, group: list[Candidate], line: float, alive: NDArray[np.bool_]) -> None:
+    Neighbours stay where they are; their tails are fitted too.
+    """
+
+    def __init__(
+        self, frf: Frf, group: list[Candidate], others: list[Candidate], line: float, alive: NDArray[np.bool_]
+    ) -> None:
         low = min(c.frequency_hz - max(_WIDTHS * _reach(c, line), _LINES * line) for c in group)
         high = max(c.frequency_hz + max(_WIDTHS * _reach(c, line), _LINES * line) for c in group)
         hz = frf.frequency_hz
@@ -159,15 +171,16 @@ class _Local:
         self.scale = np.maximum(np.sqrt(np.mean(np.abs(self.h) ** 2, axis=0)), 1e-300)
         self.start = np.array([[c.frequency_hz, c.damping_ratio] for c in group])
         centre, half = 0.5 * (self.hz[0] + self.hz[-1]), max(0.5 * (self.hz[-1] - self.hz[0]), line)
-        self.background = ((self.hz - centre) / half)[:, None] ** np.arange(BACKGROUND)
+        near = sorted(others, key=lambda c: abs(c.frequency_hz - centre))[:_MOST_NEIGHBOURS]
+        near = [c for c in near if abs(c.frequency_hz - centre) < 3.0 * half]
+        tails = [_term(self.hz, c.frequency_hz, c.damping_ratio) for c in near]
+        plain = ((self.hz - centre) / half)[:, None] ** np.arange(BACKGROUND)
+        self.background = np.column_stack([plain, *tails])
         self.weight = np.ones(self.h.shape[1])
 
     def solve(self, poles: Floats) -> tuple[Complexes, Complexes]:
         """Return residues, shape (poles, channels), and weighted residuals, shape (lines, channels)."""
-        s = 2j * np.pi * self.hz[:, None]
-        omega, zeta = 2.0 * np.pi * poles[:, 0], poles[:, 1]
-        p = omega * (-zeta + 1j * np.sqrt(np.maximum(1.0 - zeta**2, 0.0)))
-        basis = np.hstack([omega * np.maximum(zeta, 1e-6) / (s - p), self.background])
+        basis = np.column_stack([*(_term(self.hz, f, zeta) for f, zeta in poles), self.background])
         target = self.h / self.scale * self.weight
         found = np.linalg.lstsq(basis, target, rcond=None)[0]
         return found[: len(poles)] * self.scale / self.weight, target - basis @ found
@@ -185,11 +198,20 @@ class _Local:
         return np.column_stack([self.start[:, 0] + steps[:, 0] * width, self.start[:, 1] * np.exp(steps[:, 1])])
 
 
-def _refined(frf: Frf, group: list[Candidate], line: float, alive: NDArray[np.bool_]) -> list[Mode]:
+def _term(hz: Floats, frequency_hz: float, zeta: float) -> Complexes:
+    """Return the partial fraction of a mode, of size 1 at its frequency, shape (lines,)."""
+    omega = 2.0 * np.pi * frequency_hz
+    pole = omega * (-zeta + 1j * np.sqrt(max(1.0 - zeta**2, 0.0)))
+    return omega * max(zeta, 1e-6) / (2j * np.pi * hz - pole)
+
+
+def _refined(
+    frf: Frf, group: list[Candidate], others: list[Candidate], line: float, alive: NDArray[np.bool_]
+) -> list[Mode]:
     """Return those modes of a group that the lines around them need."""
     while group:
-        local = _Local(frf, group, line, alive)
-        unknowns = 2 * len(group) + 2 * (len(group) + BACKGROUND) * local.h.shape[1]
+        local = _Local(frf, group, others, line, alive)
+        unknowns = 2 * len(group) + 2 * (len(group) + local.background.shape[1]) * local.h.shape[1]
         if 2 * local.h.size <= unknowns + 2:
             return []
         x, jacobian = _settled(local)
@@ -197,8 +219,7 @@ def _refined(frf: Frf, group: list[Candidate], line: float, alive: NDArray[np.bo
         cost = local.cost(poles)
         gains = [local.cost(np.delete(poles, k, axis=0)) / max(cost, 1e-300) for k in range(len(group))]
         stds = _standard_deviations(local, x, jacobian, unknowns)
-        width = np.maximum(2.0 * poles[:, 1] * poles[:, 0], line)
-        moved = np.abs(poles[:, 0] - local.start[:, 0]) > 3.0 * width
+        moved = (np.abs(x.reshape(-1, 2)) > 0.98 * np.array(_STEPS)).any(axis=1)
         wide = (poles[:, 1] > 0.2) | (poles[:, 1] < LEAST_DAMPING) | (stds[:, 1] > MOST_SPREAD) | moved
         worst = int(np.argmin(np.where(wide, 0.0, gains)))
         if not wide[worst] and gains[worst] >= LEAST_GAIN:
@@ -209,14 +230,14 @@ def _refined(frf: Frf, group: list[Candidate], line: float, alive: NDArray[np.bo
 
 def _settled(local: _Local) -> tuple[Floats, Floats]:
     """Return the steps to the poles of best fit and the Jacobian there; channels weigh by what is left of them."""
-    x = np.zeros(local.start.size)
+    x, most = np.zeros(local.start.size), np.tile(_STEPS, len(local.start))
     for _ in range(2):
-        made = least_squares(local.residual, x, method="trf", bounds=(-4.0, 4.0), max_nfev=40)
+        made = least_squares(local.residual, x, bounds=(-most, most), max_nfev=40)
         x = made.x
         left = np.sqrt(np.mean(np.abs(local.solve(local.unpack(x))[1] / local.weight) ** 2, axis=0))
         local.weight = 1.0 / np.maximum(left, max(1e-3 * float(left.max()), 1e-12))
         local.weight /= float(local.weight.max())
-    final = least_squares(local.residual, x, method="trf", bounds=(-4.0, 4.0), max_nfev=40)
+    final = least_squares(local.residual, x, bounds=(-most, most), max_nfev=40)
     return np.asarray(final.x, dtype=np.float64), np.asarray(final.jac, dtype=np.float64)
 
 

@@ -16,6 +16,7 @@ LEAST_SHARE = 0.5
 LARGEST_DAMPING = 0.12
 _SAME_HZ, _SAME_DAMPING = 0.004, 0.4
 _LINES_FOR_A_PAIR = 4
+LOW_SHARE, _LEAST_LINES = 0.25, 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +55,41 @@ class Diagram:
 
 def diagram_of(
     frequency_hz: Floats, response: NDArray[np.complex128], band_hz: tuple[float, float], order: int = ORDER
+) -> Diagram:
+    """Return the poles of models of rising order; the low quarter of the band has models of its own besides.
+
+    Parameters
+    ----------
+    frequency_hz : ndarray, shape (lines,)
+        Even (Hz).
+    response : ndarray, shape (channels, lines)
+        Complex.
+    band_hz : (float, float)
+        Where poles are wanted (Hz).
+    order : int
+        Pole pairs of the largest model.
+    """
+    low, high = band_hz
+    whole = _diagram(frequency_hz, response, band_hz, order)
+    quarter = low + LOW_SHARE * (high - low)
+    if np.count_nonzero((frequency_hz >= low) & (frequency_hz <= quarter)) < _LEAST_LINES:
+        return whole
+    slow = _diagram(frequency_hz, response, (low, quarter), order * 4 // 7)
+    apart = quarter - 0.05 * (quarter - low)
+    kept = [c for c in slow.candidates if c.frequency_hz < apart]
+    more = [c for c in whole.candidates if c.frequency_hz >= apart or not _among(c, kept)]
+    both = tuple(sorted([*kept, *more], key=lambda c: c.frequency_hz))
+    return Diagram(frequency_hz=whole.frequency_hz, damping_ratio=whole.damping_ratio, candidates=both)
+
+
+def _among(one: Candidate, others: list[Candidate]) -> bool:
+    """Whether a pole stands within the width of another."""
+    widths = [(c.frequency_hz, max(c.damping_ratio, one.damping_ratio) * c.frequency_hz) for c in others]
+    return any(abs(one.frequency_hz - f) < width for f, width in widths)
+
+
+def _diagram(
+    frequency_hz: Floats, response: NDArray[np.complex128], band_hz: tuple[float, float], order: int
 ) -> Diagram:
     """Return the poles of common-denominator models of rising order (LSCF), as sdypy-EMA fits them.
 

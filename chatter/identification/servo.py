@@ -299,14 +299,17 @@ def _flagged(made: ServoFit, motion: _Motion, v: Floats) -> ServoFit:
         if not isfinite(value):
             continue
         share = std / abs(value) if value else inf
-        if share > _UNKNOWN or value <= 0.0:
+        if share > _UNKNOWN:
             flags.append(f"{name} is not determined: {value:.4g} +- {std:.2g}")
-            made = replace(made, **{name: nan if share > _UNKNOWN else value})
+            made = replace(made, **{name: nan})
+        elif value < 0.0:
+            flags.append(f"{name} is negative: thrust and position point opposite ways, or the channels are swapped")
         elif share > _POOR:
             flags.append(f"{name} is poorly determined: {100.0 * share:.0f} % standard deviation")
     if motion.noise_share > NOISE_SHARE:
         share = 100.0 * motion.noise_share
         flags.append(f"noise makes {share:.2g} % of the acceleration: the mass comes out too small")
     if made.relative_error > 0.3:
-        flags.append(f"the model leaves {100.0 * made.relative_error:.0f} % of the thrust unexplained")
+        left = f"{100.0 * made.relative_error:.0f} % of the thrust"
+        flags.append(f"the model leaves {left} unexplained: channels swapped, or something pushes on the axis")
     return replace(made, flags=tuple(flags))

@@ -68,6 +68,24 @@ def test_noise_has_no_modes():
     assert not fit.modes
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_structures_drawn_at_random(seed):
+    """Modes over one and a half decades, two of them just wider apart than their width: all are found, none invented."""
+    rng = np.random.default_rng(200 + seed)
+    rate, n = 5120.0, 10240
+    hz = np.sort(np.exp(rng.uniform(np.log(60.0), np.log(1600.0), 6)))
+    hz[1] = 1.03 * hz[0]
+    modes = list(zip(hz, rng.uniform(0.004, 0.012, 6), rng.uniform(0.5, 5.0, 6), strict=True))
+    shapes = rng.uniform(0.3, 1.0, (6, 2)) * rng.choice([-1.0, 1.0], (6, 2))
+    force = pulse(n, rate, 60, width_s=4e-4)
+    ring = ringing(force, rate, modes, shapes)
+    noisy = [ring + 0.01 * ring.std() * rng.standard_normal(ring.shape) for _ in range(3)]
+    fit = modes_of(frf_of_taps(find_taps(np.tile(force, 3), np.concatenate(noisy), rate)))
+    found = np.array([mode.frequency_hz for mode in fit.modes])
+    assert all(np.abs(found - f).min() < 0.003 * f for f in hz)
+    assert all(np.abs(hz - f).min() < 0.01 * f for f in found)
+
+
 def test_frequency_and_damping_do_not_depend_on_units_or_sign():
     force, ring = recorded()
     one = modes_of(frf_of_taps(find_taps(force, ring, RATE)))

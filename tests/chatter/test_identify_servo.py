@@ -95,3 +95,9 @@ def test_gaps_are_stepped_over():
 def test_what_cannot_be_is_refused(x, u, rate, rule):
     with pytest.raises(ValueError, match=rule):
         identify_servo(x, u, rate)
+
+
+def test_a_reversed_sign_and_swapped_channels_are_said():
+    x, u = moved()
+    assert any("opposite ways" in flag for flag in identify_servo(x, -u, 1000.0).flags)
+    assert any("swapped" in flag for flag in identify_servo(u, x, 1000.0).flags)
