@@ -215,6 +215,12 @@ def _agree(parts: Mapping[str, Any]) -> None:
         ("monitor.band_hz", parts["monitor"].band_hz[1], 0.5 * rate_hz, "case.sample_rate_hz / 2", 1.0, False),
         ("planner.max_shift_deg", planner.max_shift, limits.target, "limits.target_deg", 180.0 / math.pi, True),
         ("planner.min_shift_deg", -planner.min_shift, limits.target, "limits.target_deg", 180.0 / math.pi, True),
+        *(
+            (f"planner.{axis}_travel_mm", max(abs(end) for end in getattr(planner, f"{axis}_travel")),
+             getattr(limits, axis), f"limits.{axis}_mm", 1e3, True)
+            for axis in ("x1", "y1")
+        ),
+        ("limits.dwell_s", limits.dwell, planner.dwell, "planner.dwell_s", 1.0, True),
         ("path.max_speed_deg_per_s", path.max_speed, limits.shift_speed, "limits.shift_speed_deg_per_s",
          180.0 / math.pi, True),
     )  # fmt: skip

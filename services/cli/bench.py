@@ -95,6 +95,12 @@ def _fleet(_: Options) -> dict[str, Any]:
     return {"rows": measure(say=_say)}
 
 
+def _stability(_: Options) -> dict[str, Any]:
+    from services.bench.stability import measure
+
+    return {"rows": measure(say=_say)}
+
+
 def _say(what: str) -> None:
     console.print(f"  {what} ...", highlight=False)
 
@@ -102,7 +108,7 @@ def _say(what: str) -> None:
 TABLES: dict[str, Callable[[Options], dict[str, Any]]] = {
     "transport": _transport, "detector": _detector, "delay": _delay, "loop": _loop,
     "estimators": _estimators, "sdft": _sdft, "variance": _variance, "population": _population,
-    "dashboard": _dashboard, "fleet": _fleet,
+    "stability": _stability, "dashboard": _dashboard, "fleet": _fleet,
 }  # fmt: skip
 LongFlag = Annotated[bool, typer.Option("--long", help="detector: 20 h of stable cuts; population: 500.")]
 Workers = Annotated[int | None, typer.Option("--workers", help="Processes (default: all cores).", min=1)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import pathlib
 from collections.abc import Iterable
@@ -58,6 +59,7 @@ class Store:
                 str(file),
                 f"a folder without another sweep (it differs in {', '.join(different)}), or use --fresh",
             )
+        cells = math.prod(len(values) for _, values in header.get("axes", ()))
         for line in lines[1:]:
             if not line.strip():
                 continue
@@ -67,7 +69,10 @@ class Store:
             except (ValueError, KeyError, TypeError):
                 self.damaged += 1
                 continue
-            self.results[number] = result
+            if 0 <= number < cells and _sound(result):
+                self.results[number] = result
+            else:
+                self.damaged += 1
 
     def add(self, results: Iterable[tuple[int, Result]]) -> None:
         """Keep results; they are on the disk when this returns."""
@@ -83,6 +88,15 @@ class Store:
         if self._file is not None:
             self._file.close()
             self._file = None
+
+
+def _sound(result: Result) -> bool:
+    """Whether a result holds what a cell says: numbers or nothing, the reason why it failed, and doubts."""
+    words: dict[str, type] = {"failed": str, "doubts": list}
+    return all(
+        value is None or isinstance(value, words[name] if name in words else bool | int | float)
+        for name, value in result.items()
+    )
 
 
 def _line(number: int, result: Result) -> str:

@@ -1,5 +1,9 @@
 """What a benchmark sends must be what the loop sends; the speeds themselves are no test."""
 
+import math
+
+import numpy as np
+
 from services.bench import delay, loop
 from services.bench.transport import _sizes, sample_block
 from services.cli.bench import table_of
@@ -52,3 +56,22 @@ def test_estimators_are_set_beside_the_default_on_the_loop():
     assert set(rows[0]) == {"case", "ours", "peer", "ratio", "unit"}
     ended = {row["case"].split(":")[0]: row["ours"] for row in rows if "chatter ended" in row["case"]}
     assert ended == {DEFAULT: 1.0, "dob": 0.0}
+
+
+def test_the_chart_agrees_with_a_nyquist_count_and_the_table_says_so():
+    from services.bench.stability import measure
+
+    rows = measure(cells=16, rounds=1, sweep_mm=0.0)
+    assert [row["ours"] for row in rows if "differ from the Nyquist" in row["case"]] == [0.0]
+    assert all(set(row) == {"case", "ours", "peer", "ratio", "unit"} for row in rows)
+
+
+def test_semi_discretisation_sees_the_same_border():
+    from pitch import OneModeProcess, critical_stiffness
+    from services.bench.stability_peers import nyquist_column, semi_discretised
+
+    bar = OneModeProcess(0.188, 421.0, 0.03)
+    limit, _ = critical_stiffness(bar, 20.0, math.radians(5.52))
+    assert semi_discretised(bar, 20.0, math.radians(5.52), 0.95 * limit, 200)
+    assert not semi_discretised(bar, 20.0, math.radians(5.52), 1.05 * limit, 200)
+    assert nyquist_column(bar, 20.0, math.radians(5.52), limit * np.array([0.999, 1.001])).tolist() == [0.0, 1.0]

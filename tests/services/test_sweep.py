@@ -94,6 +94,29 @@ def test_a_kill_repeats_only_what_was_not_finished(tmp_path):
     assert (third.resumed, third.damaged) == (6, 0)
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        b'{"cell": 999, "result": {"stable": true}}',
+        b'{"cell": -1, "result": {"stable": true}}',
+        b'{"cell": 1, "result": {"stable": "yes"}}',
+        b'{"cell": 1, "result": {"growth_rate_1_s": [1]}}',
+        b'{"cell": 1, "result": {"failed": 3}}',
+        b'{"cell": "one", "result": {}}',
+        b'{"cell": 1}',
+        b"[1, 2]",
+        b"\xff\xfe\x00",
+    ],
+)
+def test_a_corrupted_line_is_counted_and_its_cell_computed_again(tmp_path, line):
+    whole, _ = swept(tmp_path)
+    lines = (tmp_path / FILE).read_bytes().split(b"\n")
+    (tmp_path / FILE).write_bytes(b"\n".join([*lines[:2], line, *lines[3:]]))
+    again, _ = swept(tmp_path)
+    assert (again.resumed, again.damaged) == (5, 1)
+    assert again.results == whole.results
+
+
 def test_cells_not_run_are_marked_and_can_be_made_up_for(tmp_path):
     part, _ = swept(tmp_path, most=2)
     assert (part.state == 0).sum() == 4
