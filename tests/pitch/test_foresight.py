@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from pitch import OneModeProcess, PlannerConfig, ProcessBelief, roots
 from pitch.foresight import Foresight, growth_at, strongest_roots
+from tests.reference.pitch_foresight import strongest as twin
 from tests.reference.pitch_stability import characteristic
 
 CONFIG = PlannerConfig(
@@ -45,6 +46,21 @@ def test_the_strongest_root_is_that_of_collocation(natural, damping, ratio, over
     s = complex(growth[0], 2 * math.pi * hertz[0])
     left = characteristic(s, 0.205, natural, damping, overlap, 33.0, belief.cutting_stiffness, speed, 2 * shift)
     assert abs(left) < 1e-6 * belief.cutting_stiffness
+
+
+@given(
+    natural=st.floats(250.0, 700.0), damping=st.floats(0.02, 0.12), ratio=st.floats(0.1, 0.8),
+    overlap=st.floats(0.5, 1.0), speed=st.floats(10.0, 50.0), shift=st.floats(0.0, 0.25),
+)  # fmt: skip
+def test_the_kernel_is_its_plain_twin(natural, damping, ratio, overlap, speed, shift):
+    m, w = 0.205, 2 * math.pi * natural
+    k = m * w**2
+    row = np.array([[m, 2 * damping * m * w + 60.0, k, overlap, ratio * k]])
+    found = strongest_roots(row, np.array([shift]), speed)[0]
+    growth, omega = twin(*row[0], speed, shift)
+    if growth > -15.0:
+        assert found[0] == pytest.approx(growth, abs=1e-5)
+        assert found[1] == pytest.approx(omega, rel=1e-6) or abs(found[0] - growth) < 1e-6
 
 
 def test_the_nearest_line_is_a_root_too():
