@@ -70,7 +70,7 @@ def test_noise_has_no_modes():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_structures_drawn_at_random(seed):
-    """Modes over one and a half decades, two of them just wider apart than their width: all are found, none invented."""
+    """Modes over one and a half decades, two of them just wider apart than their width: all found, none invented."""
     rng = np.random.default_rng(200 + seed)
     rate, n = 5120.0, 10240
     hz = np.sort(np.exp(rng.uniform(np.log(60.0), np.log(1600.0), 6)))
