@@ -40,8 +40,6 @@ FINER = (-0.5, -0.25, 0.25, 0.5)
 """What is tried beside the best candidate, in steps."""
 ENOUGH = 0.9
 """Share of the weight that must be silenced for the next order to stay untried."""
-EQUAL = 0.05
-"""Shares that differ by no more count as equal: then half a wave at the measured line is the better guide."""
 HOPE = 0.15
 """Share below which the best shift is not worth a move."""
 SPEEDS = (0.02, -0.02, 0.04, -0.04, 0.07, -0.07, 0.12, -0.12, 0.2, -0.2)
@@ -140,9 +138,7 @@ class Foresight:
             score = np.append(score, self._score(likely, weight, beside, spindle_hz))
             silenced = float(score.max())
             if found is None or silenced > found.silenced + 0.05:
-                good = shifts[score >= silenced - EQUAL]
-                half_wave = 0.5 * (first + math.pi) * spindle_hz / line_hz
-                shift = float(good[np.abs(np.abs(good) - half_wave).argmin()])
+                shift = float(shifts[score.argmax()])
                 candidate = Candidate(shift, order, 2.0 * shift * line_hz / spindle_hz)
                 found = Outlook(candidate=candidate, silenced=silenced)
             if found.silenced >= ENOUGH:
