@@ -64,6 +64,7 @@ def report(
         "file": file, "machine": seen.metadata.get("machine"), "run": seen.run or None,
         "origin_s": seen.record.origin_s, "config_sha256": seen.record.config_hash or None,
         "messages": seen.messages, "missing": seen.missing, "changes": len(seen.changes),
+        "seed": seen.record.seed if seen.metadata.get("seed") else None,
         "truth": seen.record.has_truth, "notes": seen.notes, "written": written,
     }  # fmt: skip
     emit(answer, words(seen) + "".join(f"\nwrote {path}" for path in written), as_json)

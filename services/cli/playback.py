@@ -71,6 +71,8 @@ def _again(
         "examples": seen.examples,
         "notes": list(result.notes),
     }
+    if not result.metadata.get("seed"):
+        extra["seed"] = None
     for line in (*result.notes, *seen.examples):
         console.print(f"note: {line}", markup=False, highlight=False)
     said = "to the bit" if seen.same else f"with {seen.different.total()} differences"

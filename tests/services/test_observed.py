@@ -205,7 +205,7 @@ def test_the_verbs(recorded, tmp_path, capsys):
     path = without(recorded[0], tmp_path / "real.mcap", Truth)
     code, answer = run(capsys, "report", path, "--out", tmp_path / "out")
     assert (code, answer["truth"], answer["outcome"]) == (0, False, "alarm_ended")
-    assert answer["config_sha256"] == recorded[1].digest
+    assert (answer["config_sha256"], answer["seed"]) == (recorded[1].digest, 7)
     assert (tmp_path / "out" / "report.html").stat().st_size > 30_000
     code, answer = run(capsys, "replay", path, "--to", 2.5, "--out", tmp_path / "again")
     assert (code, answer["outcome"], answer["same_as_recorded"]) == (0, "alarm_lasts", True)
