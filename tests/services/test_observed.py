@@ -139,7 +139,7 @@ def test_whatever_is_lacking_a_whole_page_says_so(recorded, tmp_path, kinds, met
 
 
 @pytest.mark.usefixtures("_coarse")
-@pytest.mark.parametrize("name", ["nothing", "truth and configuration", "all but reports"])
+@pytest.mark.parametrize("name", ["nothing", "all but reports"])
 def test_the_figures_are_in_the_page(recorded, tmp_path, name):
     kinds, metadata, _ = LACKING[name]
     some = observe(without(recorded[0], tmp_path / "some.mcap", *kinds, metadata=metadata))
