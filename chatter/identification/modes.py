@@ -18,7 +18,7 @@ LEAST_COHERENCE = 0.6
 LEAST_GAIN = 1.5
 """By how much the residual must grow when a mode is left out."""
 LEAST_DAMPING = 2e-5
-MOST_SPREAD = 0.25
+MOST_SPREAD = 0.4
 """Standard deviation over damping of a mode that is still told."""
 BACKGROUND = 3
 """Terms of the polynomial that stands for all other modes."""
