@@ -26,7 +26,9 @@ class Answer:
     made: Any
 
 
-def servo_answer(recording: Recording, axis: Axis, cutoff_hz: float | None) -> Answer:
+def servo_answer(
+    recording: Recording, axis: Axis, cutoff_hz: float | None, dead_time: float | None = None
+) -> Answer:
     """Return mass and friction of an axis.
 
     Parameters
@@ -37,11 +39,13 @@ def servo_answer(recording: Recording, axis: Axis, cutoff_hz: float | None) -> A
         Its signals.
     cutoff_hz
         Edge of the low-pass (Hz), None for the best.
+    dead_time
+        By which the position is late beside the thrust (s), None to find it.
     """
     from chatter.identification import identify_servo
 
     try:
-        fit = identify_servo(axis.position_m, axis.thrust_n, axis.rate_hz, cutoff_hz=cutoff_hz)
+        fit = identify_servo(axis.position_m, axis.thrust_n, axis.rate_hz, cutoff_hz=cutoff_hz, dead_time=dead_time)
     except ValueError as error:
         raise InputError("file", recording.source, f"a record of a moving axis ({error})") from error
     values = (fit.mass, fit.viscous, fit.coulomb, fit.offset)
@@ -57,7 +61,8 @@ def servo_answer(recording: Recording, axis: Axis, cutoff_hz: float | None) -> A
             "relative_error": fit.asymmetric_error,
         },
         "constant_speed": {"std_n": fit.steady_std, "peak_n": fit.steady_peak},
-        "cutoff_hz": fit.cutoff_hz, "rate_hz": axis.rate_hz, "duration_s": recording.duration_s,
+        "dead_time_ms": 1e3 * fit.dead_time, "cutoff_hz": fit.cutoff_hz,
+        "rate_hz": axis.rate_hz, "duration_s": recording.duration_s,
         "channels": dict(axis.channels), "flags": list(fit.flags), "notes": [*recording.notes, *axis.notes],
     }  # fmt: skip
     if math.isnan(fit.mass) and math.isnan(fit.coulomb) and math.isnan(fit.viscous):

@@ -5,13 +5,19 @@ come from the position by a low-pass without phase and central differences; the 
 (Janot, Gautier, Brunot, Data Set and Reference Models of EMPS, 2019, eqs. (1) to (6)). The edge of the low-pass is the
 one that determines the mass best while the counts of the encoder weigh nothing in the acceleration: noise in it would
 make the mass too small.
+
+A position that is late beside the thrust (dead times, current loop) adds F_v times the delay to the mass. The delay
+that fits best is taken where the record tells it; where it does not and would matter, that is said.
 """
 
 from dataclasses import dataclass, replace
 from math import inf, isfinite, nan
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import shift
+from scipy.optimize import minimize_scalar
 from scipy.signal import butter, sosfiltfilt
 
 from chatter.identification.jackknife import Fit, fitted
@@ -27,9 +33,12 @@ NOISE_SHARE = 0.005
 """Part of the variance of the acceleration that may be noise of the encoder."""
 _NOISE_INTEGRAL = 0.1594
 """Integral of x^4/(1 + x^8)^2: what the low-pass, passed twice, leaves of white noise differentiated twice."""
+MOST_LATE, TELLS = 5e-3, 0.97
+"""Longest delay that is looked for (s), and the part of the error that the best one may leave to be believed."""
 _CLEAN_DIFFERENCE = 6
 _UNKNOWN, _POOR = 0.5, 0.1
 """Standard deviation over value from which a parameter counts as unknown, and as poorly known."""
+_DELAY_MATTERS = 0.01
 _ONE_WAY = 0.02
 _ONE_SPEED = 0.1
 _STEADY = 0.02
@@ -93,6 +102,8 @@ class ServoFit:
         What is left of the thrust at constant speed (N), standard deviation and largest; NaN without constant speed.
     cutoff_hz : float
         Edge of the low-pass (Hz).
+    dead_time : float
+        By which the position is late beside the thrust (s): given, found, or 0 where the record does not tell.
     series : Series
         Where the axis moves.
     flags : tuple of str
@@ -112,6 +123,7 @@ class ServoFit:
     steady_std: float
     steady_peak: float
     cutoff_hz: float
+    dead_time: float
     series: Series
     flags: tuple[str, ...] = ()
 
@@ -127,14 +139,16 @@ class _Motion:
     kept: NDArray[np.bool_]
     noise_share: float
     cutoff_hz: float
+    late: float
 
     def every(self, step: int) -> NDArray[np.bool_]:
         return self.kept & (np.arange(self.kept.size) % step == 0)
 
 
 def identify_servo(
-    position: ArrayLike, thrust: ArrayLike, sample_rate_hz: float, *, cutoff_hz: float | None = None
-) -> ServoFit:
+    position: ArrayLike, thrust: ArrayLike, sample_rate_hz: float, *, cutoff_hz: float | None = None,
+    dead_time: float | None = None,
+) -> ServoFit:  # fmt: skip
     """Return mass and friction of an axis on which nothing pushes.
 
     Parameters
@@ -147,6 +161,8 @@ def identify_servo(
         Sampling rate (Hz).
     cutoff_hz : float or None
         Edge of the low-pass (Hz); None for the one that determines the mass best.
+    dead_time : float or None
+        By which the position is late beside the thrust (s); None to find it.
     """
     x, u = (np.asarray(values, dtype=np.float64) for values in (position, thrust))
     if x.shape != u.shape or x.ndim != 1:
@@ -160,9 +176,12 @@ def identify_servo(
         raise ValueError(f"position must have at least {LEAST_SAMPLES} samples in a row with thrust, got {x.size}")
     if float(np.ptp(x[np.isfinite(x)])) == 0.0:
         raise ValueError(f"position must move, got {x[np.isfinite(x)][0]:g} m all the time")
-    motion = _chosen(x, u, pieces, sample_rate_hz) if cutoff_hz is None else _motion(
-        x, u, pieces, sample_rate_hz, cutoff_hz
-    )  # fmt: skip
+    if dead_time is not None and not 0.0 <= dead_time <= 0.05:
+        raise ValueError(f"dead_time must be in [0, 0.05] s, got {dead_time}")
+    cutoff = _chosen(x, u, pieces, sample_rate_hz).cutoff_hz if cutoff_hz is None else cutoff_hz
+    motion = _motion(x, u, pieces, sample_rate_hz, cutoff, dead_time or 0.0)
+    if dead_time is None:
+        motion = _in_time(motion, x, u, pieces, sample_rate_hz)
     return _judged(motion, _fit(motion, sample_rate_hz), sample_rate_hz)
 
 
@@ -192,10 +211,25 @@ def motion_noise(position: ArrayLike) -> float:
     return float(1.4826 * np.median(np.abs(left)) / np.sqrt(924.0)) if left.size else 0.0
 
 
-def _motion(x: Floats, u: Floats, pieces: list[slice], rate: float, cutoff: float) -> _Motion:
-    """Return velocity, acceleration and thrust through one low-pass, stretch by stretch."""
+def _in_time(motion: _Motion, x: Floats, u: Floats, pieces: list[slice], rate: float) -> _Motion:
+    """Return the motion with the thrust as late as the position, if the record tells how late that is."""
+
+    def left(late: float) -> float:
+        moved = _motion(x, u, pieces, rate, motion.cutoff_hz, late)
+        return _fit(moved, rate).relative_error if moved.kept.any() else inf
+
+    if not motion.kept.any():
+        return motion
+    found: Any = minimize_scalar(left, bounds=(0.0, MOST_LATE), method="bounded", options={"xatol": 1e-5})
+    if found.fun > TELLS * left(0.0) or found.x > 0.95 * MOST_LATE:
+        return motion
+    return _motion(x, u, pieces, rate, motion.cutoff_hz, float(found.x))
+
+
+def _motion(x: Floats, u: Floats, pieces: list[slice], rate: float, cutoff: float, late: float = 0.0) -> _Motion:
+    """Return velocity, acceleration and thrust, delayed, through one low-pass, stretch by stretch."""
     sections = butter(ORDER, cutoff, fs=rate, output="sos")
-    edge = int(np.ceil(2.0 * rate / cutoff))
+    edge = int(np.ceil(2.0 * rate / cutoff + late * rate))
     columns: list[tuple[Floats, ...]] = []
     for piece in pieces:
         if piece.stop - piece.start <= 4 * edge:
@@ -204,17 +238,19 @@ def _motion(x: Floats, u: Floats, pieces: list[slice], rate: float, cutoff: floa
         speed = np.gradient(low) * rate
         inner = slice(edge, -edge)
         when = np.arange(piece.start, piece.stop)[inner] / rate
-        columns.append((when, speed[inner], (np.gradient(speed) * rate)[inner], sosfiltfilt(sections, u[piece])[inner]))
+        force = sosfiltfilt(sections, u[piece])
+        force = shift(force, late * rate, mode="nearest") if late else force
+        columns.append((when, speed[inner], (np.gradient(speed) * rate)[inner], force[inner]))
     if not columns:
         nothing = np.zeros(0)
-        return _Motion(nothing, nothing, nothing, nothing, np.zeros(0, dtype=np.bool_), inf, cutoff)
+        return _Motion(nothing, nothing, nothing, nothing, np.zeros(0, dtype=np.bool_), inf, cutoff, late)
     time, velocity, acceleration, thrust = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     noise = max(motion_noise(x[piece]) for piece in pieces)
     of_speed = noise * np.sqrt(2.0 / rate * (2.0 * np.pi) ** 2 * cutoff**3 / 3.0)
     of_acceleration = noise**2 * 2.0 / rate * (2.0 * np.pi) ** 4 * cutoff**5 * _NOISE_INTEGRAL
     still = max(STILL * float(np.abs(velocity).max()), 4.0 * of_speed)
     share = of_acceleration / max(float(np.var(acceleration)), 1e-300)
-    return _Motion(time, velocity, acceleration, thrust, np.abs(velocity) > still, share, cutoff)
+    return _Motion(time, velocity, acceleration, thrust, np.abs(velocity) > still, share, cutoff, late)
 
 
 def _chosen(x: Floats, u: Floats, pieces: list[slice], rate: float) -> _Motion:
@@ -261,7 +297,7 @@ def _judged(motion: _Motion, fit: Fit, rate: float) -> ServoFit:
         mass=fit.value[0], viscous=fit.value[1], coulomb=fit.value[2], offset=fit.value[3],
         std=_four(fit.std), half_width=_four(fit.half_width), relative_error=fit.relative_error,
         forward=forward, backward=backward, asymmetric_error=both.relative_error,
-        steady_std=steady[0], steady_peak=steady[1], cutoff_hz=motion.cutoff_hz, series=series,
+        steady_std=steady[0], steady_peak=steady[1], cutoff_hz=motion.cutoff_hz, dead_time=motion.late, series=series,
     )  # fmt: skip
     return _flagged(made, motion, v)
 
@@ -306,6 +342,9 @@ def _flagged(made: ServoFit, motion: _Motion, v: Floats) -> ServoFit:
             flags.append(f"{name} is negative: thrust and position point opposite ways, or the channels are swapped")
         elif share > _POOR:
             flags.append(f"{name} is poorly determined: {100.0 * share:.0f} % standard deviation")
+    per_ms = 1e-3 * abs(made.viscous) / abs(made.mass) if made.mass and isfinite(made.mass * made.viscous) else 0.0
+    if motion.late == 0.0 and per_ms > _DELAY_MATTERS:
+        flags.append(f"a dead time is not seen; each ms of it makes the mass {100.0 * per_ms:.0f} % too large")
     if motion.noise_share > NOISE_SHARE:
         share = 100.0 * motion.noise_share
         flags.append(f"noise makes {share:.2g} % of the acceleration: the mass comes out too small")

@@ -41,6 +41,9 @@ def servo(
     cutoff_hz: Annotated[
         float | None, typer.Option("--cutoff-hz", help="Edge of the low-pass (Hz); default: the best.")
     ] = None,
+    dead_time_ms: Annotated[
+        float | None, typer.Option("--dead-time-ms", help="Position late beside the thrust (ms); default: found.")
+    ] = None,
     out: OutDir = None,
     as_json: JsonFlag = False,
 ) -> None:
@@ -59,7 +62,10 @@ def servo(
     recording = with_roles(load_recording(file, rate_hz, [one.channel for one in said]), said)
     lead = None if lead_mm is None else 1e-3 * lead_mm
     axis = axis_of(recording, Constants(lead_m=lead, gain=gain, torque_constant=torque_constant))
-    _tell(servo_answer(recording, axis, cutoff_hz), folder, file.name, as_json)
+    if dead_time_ms is not None:
+        require("dead-time-ms", dead_time_ms, "in [0, 50] ms", 0.0 <= dead_time_ms <= 50.0)
+    late = None if dead_time_ms is None else 1e-3 * dead_time_ms
+    _tell(servo_answer(recording, axis, cutoff_hz, late), folder, file.name, as_json)
 
 
 @group.command()

@@ -101,3 +101,14 @@ def test_a_reversed_sign_and_swapped_channels_are_said():
     x, u = moved()
     assert any("opposite ways" in flag for flag in identify_servo(x, -u, 1000.0).flags)
     assert any("swapped" in flag for flag in identify_servo(u, x, 1000.0).flags)
+
+
+def test_a_late_position_does_not_add_to_the_mass():
+    x, u = moved(2000.0, noise=0.2)
+    ahead = identify_servo(x[4:], u[:-4], 2000.0)
+    assert ahead.dead_time == 0.0  # the thrust is late: no dead time does that
+    found = identify_servo(x[:-4], u[4:], 2000.0)
+    assert found.dead_time == pytest.approx(2e-3, abs=2e-4)
+    given = identify_servo(x[:-4], u[4:], 2000.0, dead_time=2e-3)
+    for fit in (found, given):
+        assert fit.mass == pytest.approx(TRUTH["mass"], rel=0.005)
