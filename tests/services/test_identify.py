@@ -209,3 +209,47 @@ def test_cutting_coefficients(tmp_path, capsys):
                answer(capsys, "cutting", path, "--depth-mm", 2)["flags"])  # fmt: skip
     csv(path, ["speed", "Fc_n"], [feed, feed])
     assert "one column of feed" in answer(capsys, "cutting", path, "--depth-mm", 2, code=2)["error"]["rule"]
+
+
+def _damaged(kind, rows):
+    """Lines of a table of an axis, damaged in one way."""
+    if kind == "decimal commas":
+        return ["time_s;pos_mm;f_n", *(row.replace(",", ";").replace(".", ",") for row in rows)]
+    if kind == "unit row":
+        return ["time,pos,thrust", "s,mm,N", *rows]
+    if kind == "no header":
+        return rows
+    if kind == "duplicated samples":
+        return ["time_s,pos_mm,f_n", *(row for k, row in enumerate(rows) for _ in range(1 + (k % 500 == 3)))]
+    if kind == "gaps":
+        return ["time_s,pos_mm,f_n", *rows[:2000], *rows[2040:4000], *rows[4003:]]
+    return ["time_s,f_n,pos_mm", *(f"{t},{u},{x}" for t, x, u in (row.split(",") for row in rows))]
+
+
+@pytest.mark.parametrize(
+    "kind", ["decimal commas", "unit row", "no header", "duplicated samples", "gaps", "another order"]
+)
+def test_damaged_tables(tmp_path, capsys, kind):
+    x, u = axis()
+    rows = [f"{t:.6f},{1e3 * a:.8f},{b:.6f}" for t, a, b in zip(TIME, x, u, strict=True)]
+    path = tmp_path / "axis.csv"
+    path.write_text("\n".join(_damaged(kind, rows)), encoding="utf-8")
+    mapped = ["--map", "0=position:mm", "--map", "1=thrust:N"] if kind == "no header" else []
+    said = answer(capsys, "servo", path, *mapped)
+    check_axis(said)
+    words = {"duplicated samples": "repeat", "gaps": "missing"}.get(kind)
+    assert words is None or any(words in note for note in said["notes"]), said["notes"]
+
+
+def test_swapped_columns_and_a_file_that_ends_early(tmp_path, capsys):
+    x, u = axis()
+    path = csv(tmp_path / "axis.csv", ["time_s", "f_n", "pos_mm"], [TIME, 1e3 * x, u])
+    said = answer(capsys, "servo", path)
+    assert any("swapped" in flag for flag in said["flags"]), said["flags"]
+    text = csv(path, ["time_s", "pos_mm", "f_n"], [TIME, 1e3 * x, u]).read_text(encoding="utf-8")
+    path.write_text(text[: text.rindex(",")], encoding="utf-8")
+    check_axis(answer(capsys, "servo", path))
+    path.write_text(text[:60], encoding="utf-8")
+    assert answer(capsys, "servo", path, code=2)["error"]["field"] in ("file", "rate-hz", "map")
+    path.write_bytes(b"")
+    assert "0 bytes" in answer(capsys, "servo", path, code=2)["error"]["message"]
