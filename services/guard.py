@@ -37,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 
 from services.guard_commands import MOST_SAMPLES, Doorkeeper
-from services.guard_conditions import Conditions
+from services.guard_conditions import Conditions, Spindle
 from services.guard_limits import GuardLimits
 from services.guard_motion import Envelope, Floats, Way, arc
 from services.messages import GuardState, OperatorRequest, TurretCommand
@@ -111,7 +111,7 @@ class Guard:
     ) -> None:
         self.limits = limits
         self._door, self._token = Doorkeeper(limits, run, controller, operator), token
-        self._envelope = Envelope(limits, start)
+        self._envelope, self._spindle = Envelope(limits, start), Spindle(limits)
         self._returns = limits.on_loss == "return"
         s = limits.samples
         self._t1, self._t2, self._t3 = s(limits.loss_hold), s(limits.loss_return), s(limits.loss_fault)
@@ -226,9 +226,10 @@ class Guard:
         if unfit and self.state not in ("OFF", "FAULT"):
             self._go("FAULT", unfit)
         interlock = conditions.interlock(self.limits)
-        self._grant(unfit or interlock, unfit)
+        unsettled = self._spindle.unsettled(conditions.spindle_hz, samples)
+        self._grant(unfit or interlock or unsettled, unfit)
         out = "out of cut" if self.limits.freeze_out_of_cut and not conditions.in_cut else ""
-        self._freeze(interlock or out)
+        self._freeze(interlock or unsettled or out)
         self._climb(conditions, interlock)
         self._plan = self._make_plan()
         return self._plan

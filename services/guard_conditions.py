@@ -55,3 +55,28 @@ class Conditions:
         if not limits.spindle_hz_min <= self.spindle_hz <= limits.spindle_hz_max:
             return f"spindle at {self.spindle_hz:.6g} Hz"
         return self.blocked
+
+
+class Spindle:
+    """Whether the spindle keeps its speed: after a change of override the old shift may fit no more.
+
+    Parameters
+    ----------
+    limits : GuardLimits
+        What is a change, and how long it counts.
+    """
+
+    def __init__(self, limits: GuardLimits) -> None:
+        self._share, self._settle = limits.spindle_change, limits.samples(limits.spindle_settle)
+        self._speed: float | None = None
+        self._left = 0
+
+    def unsettled(self, speed_hz: float, samples: int) -> str:
+        """Why the speed (Hz) is not to be relied on in a block of so many samples, empty if it is."""
+        if self._speed is None:
+            self._speed = speed_hz
+        if abs(speed_hz - self._speed) <= self._share * self._speed:
+            self._left = max(self._left - samples, 0)
+        else:
+            self._speed, self._left = speed_hz, self._settle
+        return "spindle speed changes" if self._left else ""

@@ -61,6 +61,10 @@ class GuardLimits:
         Largest speed of the shift while it returns to zero (rad/s).
     spindle_hz_min, spindle_hz_max : float
         Speeds of the spindle at which the turret may move (Hz).
+    spindle_change : float
+        Change of its speed, over the speed, that unsettles the spindle, as an override does.
+    spindle_settle : float
+        Time for which the shift is frozen after such a change (s).
     loss_hold, loss_return, loss_fault : float
         Time without a valid command until the shift is held, returned, given up: T1, T2, T3 (s).
     on_loss : {"hold", "return"}
@@ -100,6 +104,8 @@ class GuardLimits:
     return_speed: float = _quantity("rad/s")
     spindle_hz_min: float = _quantity("Hz")
     spindle_hz_max: float = _quantity("Hz")
+    spindle_change: float = _quantity("Hz/Hz")
+    spindle_settle: float = _quantity("s")
     loss_hold: float = _quantity("s")
     loss_return: float = _quantity("s")
     loss_fault: float = _quantity("s")

@@ -72,6 +72,8 @@ _LIMITS = {
     "return_speed": "deg_per_s",
     "spindle_hz_min": "rpm",
     "spindle_hz_max": "rpm",
+    "spindle_change": "percent",
+    "spindle_settle": "s",
     "loss_hold": "ms",
     "loss_return": "s",
     "loss_fault": "s",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import secrets
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -44,6 +44,29 @@ def make_plant(case: Case, seed: int, initial_shift: float = 0.0, air_time: floa
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panel:
+    """What the control of a machine says of itself, beside what is measured.
+
+    Attributes
+    ----------
+    homed, feed_hold
+        Whether the slides are homed, the feed is held.
+    blocked
+        Any other reason to keep the shift where it is, such as a tool change or threading; empty if none.
+    override_percent
+        Of the spindle.
+    tool
+        Number of the tool in turret 1.
+    """
+
+    homed: bool = True
+    feed_hold: bool = False
+    blocked: str = ""
+    override_percent: float = 100.0
+    tool: int = 1
+
+
 class MachineNode:
     """Answers each tick with one block of servo samples, its state, the truth, and what happened.
 
@@ -57,6 +80,11 @@ class MachineNode:
         Identifier of the run.
     initial_shift
         Where the turret stands when the machine is switched on (rad).
+
+    Attributes
+    ----------
+    panel : Panel
+        What the control of the machine says of itself; replaced by whoever knows.
     """
 
     subscribes = (Tick, TurretCommand, OperatorRequest)
@@ -74,7 +102,7 @@ class MachineNode:
         )  # fmt: skip
         self._path = ShiftTrajectory(case.path, self._rate, initial_shift)
         self._slow: float | None = None
-        self._speed = case.cutting.spindle_hz
+        self.panel = Panel()
         self._in_cut = False
         self._events = 0
 
@@ -108,13 +136,18 @@ class MachineNode:
     def _conditions(self) -> Conditions:
         """Return what the guard is told of the machine before a block."""
         return Conditions(
-            in_cut=self._in_cut, homed=True, feed_hold=False, spindle_hz=self._speed, diameter=self.plant.diameter,
-            measured=self._measured,
+            in_cut=self._in_cut, homed=self.panel.homed, feed_hold=self.panel.feed_hold, spindle_hz=self._speed,
+            diameter=self.plant.diameter, measured=self._measured, blocked=self.panel.blocked,
         )  # fmt: skip
 
     def _drive(self, checked: Checked) -> PlantBlock:
         """Let the drives follow what the guard lets through."""
-        return self.plant.advance(checked.x1, checked.y1)
+        return self.plant.advance(checked.x1, checked.y1, self._speed)
+
+    @property
+    def _speed(self) -> float:
+        """Speed of the spindle (Hz)."""
+        return self._case.cutting.spindle_hz * (self.panel.override_percent / 100.0)
 
     def _follow(self, plan: Plan, n: int) -> tuple[Any, Any, Any]:
         """Return set points of shift (rad) and slides (m) towards the target, or at rest where the guard stands."""
@@ -172,11 +205,11 @@ class MachineNode:
             z_mm=1e3 * float(plant.tool_position[-1]),
             feed_mm_per_rev=1e3 * self._case.cutting.feed_per_rev,
             diameter_mm=1e3 * self.plant.diameter,
-            override_percent=100.0,
+            override_percent=self.panel.override_percent,
             in_cut=self._in_cut,
-            homed=True,
+            homed=self.panel.homed,
             feed_hold=guard.feed_hold_requested,
-            tool=1,
+            tool=self.panel.tool,
             guard_state=guard.state,
             session=guard.session,
             shift_requested_deg=math.degrees(guard.requested),

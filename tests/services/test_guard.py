@@ -79,8 +79,9 @@ def test_arming_passes_through_armed_and_each_session_is_new():
 )
 def test_the_machine_must_be_ready(conditions, arms, dry):
     for request, ready, state in (("arm", arms, "ACTIVE"), ("dry_run", dry, "ARMED")):
-        rig = Rig().run(1)
+        rig = Rig()
         rig.conditions = conditions
+        rig.run(1)
         assert rig.ask(request) == ""
         rig.block()
         assert rig.guard.state == (state if ready else "OFF")

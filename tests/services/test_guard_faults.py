@@ -125,6 +125,40 @@ def test_out_of_cut_freezes_if_the_job_says_so(freezes):
     assert rig.guard.rejected == ({"frozen": 60} if freezes else {})
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_change_of_the_spindle_speed_freezes_until_it_has_settled(sign):
+    for share, freezes in ((0.03 * (1 - 1e-9), False), (0.03 * (1 + 1e-9), True)):
+        rig = Rig().active().run(14, 2.8)
+        rig.conditions = {"spindle_hz": 20.0 * (1.0 + sign * share)}
+        rig.run(10, 2.8)
+        assert rig.plans[-1].target == (None if freezes else SHIFT)
+        assert rig.guard.state == "ACTIVE"
+        assert rig.guard.rejected == ({"frozen": 9} if freezes else {})
+        assert [notice.text for notice in rig.notices if notice.kind == "frozen"] == freezes * ["spindle speed changes"]
+        rig.conditions = {"spindle_hz": 25.0} if freezes else {}
+        rig.run(11 * freezes, 2.8)
+        assert rig.guard.rejected == ({"frozen": 20} if freezes else {})
+        rig.run(60, 2.8)
+        assert rig.guard.shift == pytest.approx(SHIFT, abs=1e-12)
+        rig.assert_within()
+
+
+def test_it_is_not_armed_while_the_spindle_runs_up():
+    rig, speed = Rig(), 10.0
+    for _ in range(15):
+        speed += 0.7
+        rig.conditions = {"spindle_hz": speed}
+        rig.ask("arm")
+        rig.block()
+        assert rig.guard.state == ("OFF" if speed > 11.0 else "ACTIVE")
+        rig.ask("disarm")
+    rig.run(8)
+    rig.ask("arm")
+    assert rig.run(1).guard.state == "OFF"
+    rig.ask("arm")
+    assert rig.run(1).guard.state == "ACTIVE"
+
+
 def test_a_wandering_path_is_noticed_within_all_limits():
     rig = rig_in("ACTIVE")
     drift = [0.0]

@@ -20,7 +20,7 @@ CONDITIONS = st.fixed_dictionaries(
     optional={
         "in_cut": st.booleans(),
         "feed_hold": st.booleans(),
-        "spindle_hz": st.sampled_from([20.0, 0.0, 61.0, math.nan]),
+        "spindle_hz": st.sampled_from([20.0, 20.5, 21.0, 0.0, 61.0, math.nan]),
         "blocked": st.sampled_from(["", "tool change"]),
         "homed": st.sampled_from([True, True, True, False]),
         "diameter": st.sampled_from([0.025, 0.0251, 0.0, math.nan, 1e9]),
