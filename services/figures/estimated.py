@@ -28,7 +28,8 @@ def force_figure(found: Estimated, title: str) -> Figure:
         top.plot(found.time_s, found.force_n, color=CONTROLLED, linewidth=0.8)
     rate = (found.time_s.size - 1) / max(float(found.time_s[-1] - found.time_s[0]), 1e-12)
     width = max(1, round(rate / _LOW_HZ))
-    slow = np.convolve(force, np.ones(width) / width, mode="same")
+    flat = np.ones(min(width, force.size))
+    slow = np.convolve(force, flat, mode="same") / np.convolve(np.ones(force.size), flat, mode="same")
     step = max(1, slow.size // 3000)
     top.plot(found.time_s[::step], slow[::step], color=TWIN, linewidth=1.2)
     if found.predicted_error_n is not None:
