@@ -167,7 +167,9 @@ def _newtons(recording: Recording, k: int, constants: Constants, lead: float | N
         return constants.gain * recording.samples[:, k]
     if kind == "force":
         return values
-    if kind == "torque" or kind is None and role == "torque":
+    if kind == "torque" or role == "torque" and not recording.units[k]:
+        if kind is None:
+            notes.append(f"{name} has no unit and was taken for newton metres")
         if lead is None:
             raise InputError("lead-mm", None, f"given: {name} is a torque, and travel in a turn is not known")
         return values * 2.0 * math.pi / lead

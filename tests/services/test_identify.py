@@ -101,6 +101,7 @@ def test_the_gain_of_a_drive_stands_in_the_file(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("names", "options", "field"),
     [(["a", "b"], [], "map"), (["pos_mm", "iq_a"], [], "gain"), (["pos_mm", "torque [Nm]"], [], "lead-mm"),
+     (["pos_mm", "torque [%]"], ["--lead-mm", "5"], "gain"),
      (["pos_mm", "f_n"], ["--map", "pos=place"], "map"), (["pos_mm", "f_n"], ["--map", "zzz=thrust"], "map"),
      (["pos_mm", "f_n"], ["--map", "pos=position:furlong"], "map"), (["pos_s", "f_n"], ["--map", "pos=position"],
       "channel pos")],
