@@ -23,12 +23,14 @@ if TYPE_CHECKING:
     from pitch.optimum import optimal_pitch_difference, pitch_difference_for_phase, regenerative_phase
     from pitch.planner import Planner
     from pitch.robust import RobustPitch, Spread, robust_for_lines, robust_for_process
+    from pitch.shift_effects import Box, SideEffects, clearance, cusp_height, off_arc, side_effects, wrong_arc
     from pitch.situation import Cause, Decision, Situation
     from pitch.stability import OneModeProcess, StabilityUnresolved, critical_stiffness, rightmost_root, roots
     from pitch.trajectory import ShiftTrajectory, TrajectoryLimits
 
 __all__ = [
     "ArcPosition",
+    "Box",
     "Cause",
     "Decision",
     "Mode",
@@ -38,6 +40,7 @@ __all__ = [
     "ProcessBelief",
     "RobustPitch",
     "ShiftTrajectory",
+    "SideEffects",
     "Situation",
     "Spread",
     "StabilityChart",
@@ -47,8 +50,11 @@ __all__ = [
     "TurretOffset",
     "advise",
     "arc_position",
+    "clearance",
     "critical_stiffness",
+    "cusp_height",
     "growth_rates",
+    "off_arc",
     "offset_from_slides",
     "optimal_pitch_difference",
     "pitch_difference_for_phase",
@@ -58,11 +64,13 @@ __all__ = [
     "robust_for_lines",
     "robust_for_process",
     "roots",
+    "side_effects",
     "slide_set_points",
     "stability_chart",
     "stable_intervals",
     "stiffness_for_growth",
     "turret_offset",
+    "wrong_arc",
 ]
 
 _HOME = {
@@ -80,6 +88,7 @@ _HOME = {
     "optimum": ("optimal_pitch_difference", "pitch_difference_for_phase", "regenerative_phase"),
     "planner": ("Planner",),
     "robust": ("RobustPitch", "Spread", "robust_for_lines", "robust_for_process"),
+    "shift_effects": ("Box", "SideEffects", "clearance", "cusp_height", "off_arc", "side_effects", "wrong_arc"),
     "situation": ("Cause", "Decision", "Situation"),
     "stability": ("OneModeProcess", "StabilityUnresolved", "critical_stiffness", "rightmost_root", "roots"),
     "trajectory": ("ShiftTrajectory", "TrajectoryLimits"),

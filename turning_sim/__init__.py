@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from turning_sim.axis_drive import AxisDrive, Wave
     from turning_sim.chip import Chip, ForceLaw, steady_chip
     from turning_sim.chuck_fit import HammerTest, identify_chuck
+    from turning_sim.condition import ConditionChange, chip_derivatives, condition_change
     from turning_sim.contact_vibration import ContactVibration
     from turning_sim.cutting import Cutting
     from turning_sim.delay_equation import DelayEquation, LinearVibration
@@ -31,6 +32,7 @@ __all__ = [
     "AxisDrive",
     "Chip",
     "Chuck",
+    "ConditionChange",
     "ContactVibration",
     "CutDerivatives",
     "Cutting",
@@ -56,6 +58,8 @@ __all__ = [
     "Wave",
     "Workpiece",
     "cantilever_frequency_hz",
+    "chip_derivatives",
+    "condition_change",
     "cut_derivatives",
     "finished_roughness",
     "growth_of",
@@ -79,6 +83,7 @@ _HOME = {
     "chuck_fit": ("HammerTest", "identify_chuck"),
     "doubts": ("Doubt", "validity"),
     "chip": ("Chip", "ForceLaw", "steady_chip"),
+    "condition": ("ConditionChange", "chip_derivatives", "condition_change"),
     "contact_vibration": ("ContactVibration",),
     "cutting": ("Cutting",),
     "delay_equation": ("DelayEquation", "LinearVibration"),
