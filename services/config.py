@@ -37,6 +37,8 @@ class Case:
         Parameters of the decision.
     foresight
         What the controller believes of bar and cut (`pitch.ProcessBelief`), None when nothing.
+    job, room
+        Passes without action, and what must not come near to each other; None when the file says nothing.
     text, digest
         The resolved file as JSON, and its SHA-256.
     """
@@ -53,6 +55,8 @@ class Case:
     belief: Any
     planner: Any
     foresight: Any
+    job: Any
+    room: Any
     text: str
     digest: str
 

@@ -120,7 +120,9 @@ _FORESIGHT = {
     "process_damping": "n_s_per_m",
     **dict.fromkeys(("frequency_error", "stiffness_error", "damping_error", "overlap_error"), "percent"),
 }
+_ROOM: dict[str, str] = dict.fromkeys(("turret1_envelope", "turret2_envelope", "least_clearance"), "mm")
 _OPTIONAL = "belief.process"
+_MAY_LACK = ("job", "clearance")
 _COMMON = ("sample_rate_hz", "axis_angle")
 _SPEEDS = {"spindle_hz_min": "spindle_speed_min", "spindle_hz_max": "spindle_speed_max"}
 
@@ -160,8 +162,11 @@ def _decision() -> dict[str, Section]:
     from chatter import MonitorConfig, NominalFeedDrive, NominalTurret
     from pitch import PlannerConfig, ProcessBelief, TrajectoryLimits
     from services.guard_limits import GuardLimits
+    from services.job import Job, Room
 
     return {
+        "job": Section(kind=Job, units={}, renamed={"pass_kind": "pass"}),
+        "clearance": Section(kind=Room, units=_ROOM),
         "limits": Section(kind=GuardLimits, units=_LIMITS, given=_COMMON, renamed=_SPEEDS),
         "path": Section(kind=TrajectoryLimits, units=_PATH),
         "monitor": Section(kind=MonitorConfig, units=_MONITOR),
@@ -205,6 +210,8 @@ def build(tables: Mapping[str, Any]) -> dict[str, Any]:
         "belief": part("belief", x1=part("belief.x1"), y1=part("belief.y1"), axis_angle=drives.axis_angle),
         "planner": part("planner", **common),
         "foresight": part(_OPTIONAL) if "process" in tables["belief"] else None,
+        "job": part("job") if "job" in tables else None,
+        "room": part("clearance") if "clearance" in tables else None,
     }
     _agree(parts)
     return parts
@@ -230,6 +237,13 @@ def _agree(parts: Mapping[str, Any]) -> None:
         if value > most * (1.0 + 1e-9) or (value == most and not equal):
             word = "at most" if equal else "below"
             raise InputError(key, value * unit, f"{word} {other} ({most * unit:g})")
+    room, diameter = parts["room"], parts["workpiece"].cutting_diameter
+    if room is not None:
+        near = min(room.clearance(sign * limits.target, diameter) for sign in (-1.0, 1.0))
+        if near < room.least_clearance:
+            least = f"clearance.least_clearance_mm ({1e3 * room.least_clearance:g})"
+            rule = f"so small that {least} remains between the turrets, not {1e3 * near:.3g}"
+            raise InputError("limits.target_deg", math.degrees(limits.target), rule)
 
 
 def _table(tables: Mapping[str, Any], name: str, sections: Mapping[str, Section]) -> dict[str, Any]:

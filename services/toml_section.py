@@ -88,6 +88,8 @@ def read_section(table: Mapping[str, Any], where: str, section: Section, **given
 
 
 def _value(raw: Any, field: str, kind: Any, unit: str | None) -> Any:
+    if type(None) in typing.get_args(kind):
+        (kind,) = (part for part in typing.get_args(kind) if part is not type(None))
     choices = typing.get_args(kind) if typing.get_origin(kind) is typing.Literal else ()
     if choices and raw not in choices:
         raise InputError(field, raw, f"one of {', '.join(repr(choice) for choice in choices)}")
@@ -99,6 +101,9 @@ def _value(raw: Any, field: str, kind: Any, unit: str | None) -> Any:
         if kind is exact:
             return raw
     if typing.get_origin(kind) is tuple:
+        items = typing.get_args(kind)
+        if typing.get_origin(items[0]) is typing.Literal:
+            return _words(raw, field, items[0])
         return _numbers(raw, field, kind, unit)
     return _number(raw, field, unit)
 
@@ -109,6 +114,12 @@ def _numbers(raw: Any, field: str, kind: Any, unit: str | None) -> tuple[float, 
     if not isinstance(raw, list) or not raw or (count is not None and len(raw) != count):
         raise InputError(field, raw, f"a list of {count or 'some'} numbers in square brackets")
     return tuple(_number(item, field, unit) for item in raw)
+
+
+def _words(raw: Any, field: str, kind: Any) -> tuple[Any, ...]:
+    if not isinstance(raw, list):
+        raise InputError(field, raw, "a list of words in square brackets")
+    return tuple(_value(item, field, kind, None) for item in raw)
 
 
 def _number(raw: Any, field: str, unit: str | None) -> float:

@@ -104,6 +104,8 @@ class MachineNode:
         self._slow: float | None = None
         self.panel = Panel()
         self._in_cut = False
+        self.pass_kind: str | None = None if case.job is None else case.job.pass_kind
+        """Which pass is cut now, None when nobody says so."""
         self._events = 0
 
     def prepare(self) -> None:
@@ -137,8 +139,12 @@ class MachineNode:
         """Return what the guard is told of the machine before a block."""
         return Conditions(
             in_cut=self._in_cut, homed=self.panel.homed, feed_hold=self.panel.feed_hold, spindle_hz=self._speed,
-            diameter=self.plant.diameter, measured=self._measured, blocked=self.panel.blocked,
+            diameter=self.plant.diameter, measured=self._measured, blocked=self.panel.blocked or self._forbidden(),
         )  # fmt: skip
+
+    def _forbidden(self) -> str:
+        """Return why the present pass lets nothing move, empty if it does."""
+        return "" if self._case.job is None else self._case.job.forbids(self.pass_kind)
 
     def _drive(self, checked: Checked) -> PlantBlock:
         """Let the drives follow what the guard lets through."""
