@@ -5,7 +5,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -53,7 +53,15 @@ def blocks_of(case: Case) -> int:
     return round((case.settings.air_time + case.settings.cut_time) / BLOCK_S)
 
 
-def run_case(case: Case, seed: int, clock: Clock, *, arm_after_s: float = 0.0, progress: Progress = _silent) -> Outcome:
+def run_case(
+    case: Case,
+    seed: int,
+    clock: Clock,
+    *,
+    arm_after_s: float | None = 0.0,
+    progress: Progress = _silent,
+    advise_only: bool = False,
+) -> Outcome:
     """Run the loop of a case and its twin, and evaluate both; Ctrl-C ends it early with what was seen.
 
     Parameters
@@ -65,11 +73,15 @@ def run_case(case: Case, seed: int, clock: Clock, *, arm_after_s: float = 0.0, p
     clock
         For the latency and the speed of the loop; nothing else depends on it.
     arm_after_s
-        When the guard is armed (s); later than the entry lets the chatter grow first.
+        When the guard is armed (s), None for never; later than the entry lets the chatter grow first.
     progress
         Told the share that is done, 0...1.
+    advise_only
+        Whether the controller only says what it would command.
     """
-    tape, interrupted = run_loop(case, seed, clock, arm_after_s=arm_after_s, progress=progress)
+    tape, interrupted = run_loop(
+        case, seed, clock, arm_after_s=arm_after_s, progress=progress, advise_only=advise_only
+    )
     return judge(case, seed, tape, interrupted=interrupted)
 
 
@@ -78,11 +90,12 @@ def run_loop(
     seed: int,
     clock: Clock,
     *,
-    arm_after_s: float = 0.0,
+    arm_after_s: float | None = 0.0,
     progress: Progress = _silent,
+    advise_only: bool = False,
 ) -> tuple[Tape, bool]:
     """Run the loop alone; returns what was said and whether Ctrl-C ended it early. Arguments as in `run_case`."""
-    loop = Loop(case, seed, clock, arm_after_s)
+    loop = Loop(case, seed, clock, arm_after_s, advise_only=advise_only)
     blocks = blocks_of(case)
     try:
         with refusing(case, SUMMARY_KEYS):
@@ -142,22 +155,35 @@ class Loop:
     clock
         For latency and speed.
     arm_after_s
-        When the guard is armed (s).
+        When the guard is asked (s), None for never.
+    advise_only
+        Whether the controller only says what it would command.
+    request
+        What is asked of the guard.
     """
 
-    def __init__(self, case: Case, seed: int, clock: Clock, arm_after_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        case: Case,
+        seed: int,
+        clock: Clock,
+        arm_after_s: float | None = 0.0,
+        *,
+        advise_only: bool = False,
+        request: Literal["arm", "dry_run"] = "arm",
+    ) -> None:
         run = str(uuid.uuid4())
         self.machine = MachineNode(case, seed, run)
         self.monitor = MonitorNode(case, run)
-        self.controller = ControllerNode(case, run)
+        self.controller = ControllerNode(case, run, advise_only)
         self.tape = Tape()
         self._nodes: dict[str, Node] = {
             "machine": self.machine, "monitor": self.monitor, "controller": self.controller,
         }  # fmt: skip
         self._bus = InMemoryBus(self._nodes.values(), tap=self._tap)
         self._clock, self._published = clock, 0.0
-        self._arm_block = round(arm_after_s / BLOCK_S)
-        self._arm = OperatorRequest(run=run, source="operator", sequence=0, request="arm", nonce=uuid.uuid4().hex)
+        self._arm_block = None if arm_after_s is None else round(arm_after_s / BLOCK_S)
+        self._arm = OperatorRequest(run=run, source="operator", sequence=0, request=request, nonce=uuid.uuid4().hex)
         for node in self._nodes.values():
             node.prepare()
 

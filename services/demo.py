@@ -68,6 +68,7 @@ def run_demo(
     progress: Callable[[float], None] | None = None,
     listen: str = FREE,
     lasts: tuple[str, ...] = (),
+    advise_only: bool = False,
 ) -> Demonstration:
     """Run a case as three processes and return everything that was on the bus; Ctrl-C ends it with what was seen.
 
@@ -93,6 +94,8 @@ def run_demo(
         Where the router listens.
     lasts
         Options of `machine` that say how long it goes on; default: as long as the case.
+    advise_only
+        Whether the controller only says what it would command.
 
     Raises
     ------
@@ -101,7 +104,7 @@ def run_demo(
     """
     plan = Plan(
         case=name, machine=case.settings.machine, seed=seed, arm_after_s=arm_after_s, lasts=lasts,
-        sensitivity=case.monitor.sensitivity,
+        sensitivity=case.monitor.sensitivity, advise_only=advise_only,
     )  # fmt: skip
     seen = Demonstration(tape=Tape())
     children: dict[str, Child] = {}

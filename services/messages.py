@@ -17,6 +17,9 @@ FORMAT_VERSION, FORMAT_MINOR = 1, 1
 BLOCK_S = 0.010
 """Length of a block (s): the grid of all messages, anchored at sample 0."""
 
+ADVICE, ADVICE_OVER, MODE = "advice", "advice_over", "controller_mode"
+"""Kinds of event of a controller that only advises."""
+
 Floats = NDArray[np.float64]
 GuardState = Literal["OFF", "ARMED", "ACTIVE", "HOLDING", "RETURNING", "FAULT"]
 
@@ -189,11 +192,15 @@ class Truth(Message, frozen=True, kw_only=True):
 
 
 class Event(Message, frozen=True, kw_only=True):
-    """A change worth a line in the log: a state, a rejection, a fault."""
+    """A change worth a line in the log: a state, a rejection, a fault.
+
+    `shift_deg` is the target that an event of kind `advice` is about.
+    """
 
     sample: int
     kind: str
     text: str
+    shift_deg: float | None = None
 
 
 TOPICS: dict[str, type[Message]] = {

@@ -72,7 +72,8 @@ class RunRecord:
     count from its first sample, `origin_s` after the machine's.
     `chatter_band_hz` is where vibration is judged, `search_band_hz` where the monitor looks for chatter;
     `guard_limits` are all limits of the guard in words, `doubts` what lies outside the range of the model;
-    `false_alarms_per_h` is how often stationary noise passes the limit of the monitor.
+    `false_alarms_per_h` is how often stationary noise passes the limit of the monitor. `effects` are label, value and
+    meaning of what the shift that was commanded or advised leaves on the part, `alternatives` what else could be done.
     """
 
     case: str
@@ -100,6 +101,8 @@ class RunRecord:
     config_hash: str
     versions: dict[str, str]
     false_alarms_per_h: float | None = None
+    effects: tuple[tuple[str, str, str], ...] = ()
+    alternatives: tuple[str, ...] = ()
     origin_s: float = 0.0
 
     @property

@@ -91,6 +91,7 @@ def render(record: RunRecord, summary: Summary, directory: Path) -> str:
             head(f"Run report · {record.case} · seed {record.seed}", record, summary),
             section("Key numbers", _numbers(record, summary)),
             section("What happened", figures(directory, CAPTIONS)),
+            *([section("Side effects and other ways", _advice(record))] if record.alternatives else []),
             section("Event log", _events(record)),
             section("Limits in force", limits(record, summary)),
             section("Configuration and versions", _configuration(record)),
@@ -176,6 +177,16 @@ def _numbers(record: RunRecord, summary: Summary) -> str:
             for label, value, note in rows(record, summary)
         ]
     return f'<div class="card"><table class="numbers"><tbody>{"".join(lines)}</tbody></table></div>'
+
+
+def _advice(record: RunRecord) -> str:
+    """Tell what the shift leaves on the part, and what else could be done."""
+    lines = "".join(f"<li>{escape(sentence)}</li>" for sentence in record.alternatives)
+    other = f"<p>What else could be done, by the belief about bar and cut and linear theory:</p>\n<ul>{lines}</ul>"
+    if not record.effects:
+        return f"<p>No shift was commanded or advised.</p>\n{other}"
+    shown = table(("Left by the shift", "Value", "Meaning"), record.effects, ("", "value", "note"))
+    return f'<div class="card">{shown}</div>\n{other}'
 
 
 def _events(record: RunRecord) -> str:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from services.messages import ADVICE, MODE
 from services.metrics import GIVE_UP_EVENT, Summary, forced_block
 from services.record import RunRecord
 
@@ -77,8 +78,25 @@ def verdict(record: RunRecord, summary: Summary) -> Verdict:
             f"The run was stopped by hand after {number(summary.simulated_s, 2, 's')}; "
             "this report covers what was seen until then.",
         ]
+    sentences = [*sentences, _advised(record)]
     tone = "warn" if summary.interrupted and tone == "good" else tone
     return Verdict(tone=tone, title=title, sentences=tuple(s for s in sentences if s))
+
+
+def _advised(record: RunRecord) -> str:
+    """Tell what a controller that only advises would have done first; nothing of any other one."""
+    if not any(event.kind == MODE for event in record.events):
+        return ""
+    first = next((event for event in record.events if event.kind == ADVICE), None)
+    if first is None:
+        return "Advise only: the controller would have commanded nothing."
+    at = number(first.sample / record.sample_rate_hz, 2, "s")
+    if first.shift_deg is None:
+        return f"Advise only, nothing was commanded; at {at}: {first.text.split(': ', 1)[-1]}"
+    return (
+        f"Advise only: at {at} the controller would have moved turret 1 to {number(first.shift_deg, 2, '°')}; "
+        "nothing was commanded."
+    )
 
 
 Told = tuple[Tone, str, list[str]]
@@ -168,7 +186,9 @@ def _missed(record: RunRecord, summary: Summary) -> Told:
 
 def _not_moved(record: RunRecord, summary: Summary) -> Told:
     return "bad", f"Chatter at {number(summary.chatter_hz, 0, 'Hz')} found, but not acted on", [
-        _found(record, summary), "Turret 1 was not moved: see the event log for what held it.", _marked(summary),
+        _found(record, summary),
+        "" if _advised(record) else "Turret 1 was not moved: see the event log for what held it.",
+        _marked(summary),
     ]  # fmt: skip
 
 

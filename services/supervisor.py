@@ -49,6 +49,8 @@ class Plan:
         Folder of certificates; without one only this computer reaches the bus.
     sensitivity
         Of the monitor; None: the case's.
+    advise_only
+        Whether the controller only says what it would command.
     """
 
     case: str
@@ -58,13 +60,15 @@ class Plan:
     lasts: tuple[str, ...] = ()
     identity: pathlib.Path | None = None
     sensitivity: float | None = None
+    advise_only: bool = False
 
     def line(self, service: str, endpoint: str, *more: str) -> list[str]:
         """Return how to start a service that connects to `endpoint`."""
         common = ("--machine", self.machine, "--connect", endpoint, "--json", "--child")
         proof = () if self.identity is None else ("--identity", str(self.identity))
         told = () if self.sensitivity is None or service != "monitor" else (f"--sensitivity={self.sensitivity}",)
-        return command_line(service, self.case, *common, *proof, *told, *more)
+        mode = ("--advise-only",) if self.advise_only and service == "controller" else ()
+        return command_line(service, self.case, *common, *proof, *told, *mode, *more)
 
     def router_line(self, endpoint: str) -> list[str]:
         """Return how to start the router."""

@@ -32,6 +32,7 @@ from services.clock import WallClock
 from services.closed_loop import Outcome, judge, run_loop
 from services.config import Case, load_case
 from services.doubts import notes
+from services.effects import with_advice
 from services.errors import InputError
 from services.messages import Message
 from services.reproduce.plant import MODELS, PlantName
@@ -45,6 +46,9 @@ ArmAfter = Annotated[
 ]
 
 
+AdviseOnly = Annotated[
+    bool, typer.Option("--advise-only", help="Say what the controller would command, command nothing, never arm.")
+]
 PlantModel = Annotated[
     str, typer.Option("--plant", help="lumped (fast), or surface: a map of the surface that each tool cuts (slower).")
 ]
@@ -98,10 +102,12 @@ def run(
     out: OutDir = None,
     arm_after_s: ArmAfter = 0.0,
     sensitivity: Sensitivity = None,
+    advise_only: AdviseOnly = False,
     as_json: JsonFlag = False,
 ) -> int:
     """Run the closed loop of a case in lockstep in one process, as fast as it can."""
-    return _loop(*_announced(case, seed, arm_after_s, sensitivity, as_json), out, arm_after_s, as_json)
+    config, used, armed = _announced(case, seed, arm_after_s, sensitivity, as_json, advise_only)
+    return _loop(config, used, out, armed, as_json, advise_only)
 
 
 @app.command()
@@ -111,13 +117,14 @@ def demo(
     out: OutDir = None,
     arm_after_s: ArmAfter = 0.0,
     sensitivity: Sensitivity = None,
+    advise_only: AdviseOnly = False,
     as_json: JsonFlag = False,
 ) -> int:
     """Show a case from chatter to silence: machine, monitor and controller as three processes in real time."""
     from services.demo import run_demo
     from services.recording_writer import McapRecorder
 
-    config, used = _announced(case, seed, arm_after_s, sensitivity, as_json)
+    config, used, armed = _announced(case, seed, arm_after_s, sensitivity, as_json, advise_only)
     folder = writable_folder(out or pathlib.Path("runs") / config.name) or pathlib.Path()
     clock = WallClock()
     started = clock.now()
@@ -128,8 +135,9 @@ def demo(
             recorder.write(topic, payload, encoding, round(1e9 * (clock.now() - started)))
 
         seen = run_demo(
-            case, config, used, clock=clock, say=_say, arm_after_s=arm_after_s, hear=hear, progress=progress
-        )
+            case, config, used, clock=clock, say=_say, arm_after_s=armed, hear=hear, progress=progress,
+            advise_only=advise_only,
+        )  # fmt: skip
     if recorder.failure:
         _say(f"{path.name} is incomplete: {recorder.failure}")
     ran_s = clock.now() - started
@@ -141,25 +149,31 @@ def _say(text: str) -> None:
 
 
 def _announced(
-    name: str, seed: int | None, arm_after_s: float, sensitivity: float | None, as_json: bool
-) -> tuple[Case, int]:
-    """Return the case and the seed, after checking and saying what is about to happen."""
+    name: str, seed: int | None, arm_after_s: float, sensitivity: float | None, as_json: bool, advise_only: bool
+) -> tuple[Case, int, float | None]:
+    """Return the case, the seed and when to arm, after checking and saying what is about to happen."""
     case = load_case(name, sensitive(sensitivity))
     longest = case.settings.air_time + case.settings.cut_time
     require("arm-after-s", arm_after_s, f"in 0..{longest:g} s, the length of the case", 0 <= arm_after_s <= longest)
     used = case.settings.seed if seed is None else seed
+    advises = advise_only or (case.job is not None and bool(case.job.advise_only))
     if not as_json:
-        armed = "at once" if arm_after_s == 0 else f"after {arm_after_s:g} s"
-        _say(f"{case.name}: {case.settings.title}\nseed {used}; the guard is armed {armed}")
-    return case, used
+        armed = "the guard is armed " + ("at once" if arm_after_s == 0 else f"after {arm_after_s:g} s")
+        armed = "advise only: nothing is commanded, the guard stays OFF" if advises else armed
+        _say(f"{case.name}: {case.settings.title}\nseed {used}; {armed}")
+    return case, used, None if advises else arm_after_s
 
 
-def _loop(case: Case, used: int, out: pathlib.Path | None, arm_after_s: float, as_json: bool) -> int:
+def _loop(
+    case: Case, used: int, out: pathlib.Path | None, arm_after_s: float | None, as_json: bool, advise_only: bool
+) -> int:
     folder = writable_folder(out)
     clock = WallClock()
     started = clock.now()
     with progress_bar(case.name) as progress:
-        tape, interrupted = run_loop(case, used, clock, arm_after_s=arm_after_s, progress=progress)
+        tape, interrupted = run_loop(
+            case, used, clock, arm_after_s=arm_after_s, progress=progress, advise_only=advise_only
+        )
     ran_s = clock.now() - started
     recorded = [_record(case, used, tape, folder / "run.mcap")] if folder else []
     return conclude(case, used, tape, interrupted, folder, ran_s, as_json, recorded=recorded)
@@ -208,6 +222,8 @@ def conclude(
     started = clock.now() - wall_s
     with finishing():
         outcome = judged() if judged else judge(case, seed, tape, interrupted=interrupted)
+        if out is not None:
+            outcome = replace(outcome, record=with_advice(case, outcome.record))
         figures = _draw(outcome, out)
         outcome = replace(outcome, summary=replace(outcome.summary, total_wall_s=clock.now() - started))
         written = [*recorded, *figures, *_write(outcome, out)]

@@ -46,6 +46,9 @@ ArmAfter = Annotated[
 ]
 Child = Annotated[bool, typer.Option("--child", hidden=True, help="Stop when standard input ends.")]
 Reserve = Annotated[bool, typer.Option("--reserve", hidden=True, help="Prepare, then wait for `go` on standard input.")]
+AdviseOnly = Annotated[
+    bool, typer.Option("--advise-only", help="Say what the controller would command, and command nothing.")
+]
 Shelf = Annotated[pathlib.Path | None, typer.Option("--shelf", hidden=True, help="Folder for what was learned.")]
 CLOSING_S = 3.0
 
@@ -209,6 +212,7 @@ def controller(
     as_json: JsonFlag = False,
     child: Child = False,
     reserve: Reserve = False,
+    advise_only: AdviseOnly = False,
 ) -> int:
     """Decide where turret 1 shall stand after each report of the monitor, until stopped."""
     config = load_case(case)
@@ -216,7 +220,7 @@ def controller(
     def make(run: str) -> Node:
         from services.nodes.controller import ControllerNode
 
-        return ControllerNode(config, run)
+        return ControllerNode(config, run, advise_only)
 
     known = known_as("controller", identity)
     return _follow(
@@ -363,6 +367,7 @@ def up(
     arm_after_s: ArmAfter = None,
     identity: IdentityDir = None,
     sensitivity: Sensitivity = None,
+    advise_only: AdviseOnly = False,
     as_json: JsonFlag = False,
 ) -> None:
     """Start router, machine, monitor and controller, and start again what dies."""
@@ -380,7 +385,10 @@ def up(
         lasts=tuple(lasts),
         identity=identity,
         sensitivity=config.monitor.sensitivity,
+        advise_only=advise_only,
     )
+    if advise_only and arm_after_s is not None:
+        raise InputError("arm-after-s", arm_after_s, "left out with --advise-only: nothing is commanded to a guard")
     say(f"{config.name}: {config.settings.title}" + notes(doubts_of(config)))
     with StopSignal() as stop:
         answer = keep_up(plan, listen or home(known_as(ROUTER, identity)), stop=stop, clock=WallClock(), say=say)
