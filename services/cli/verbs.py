@@ -1,6 +1,7 @@
 """Importing this module registers every verb."""
 
 from services.cli import (
+    advise,
     analysis,
     archive,
     bench,
@@ -22,6 +23,7 @@ from services.cli import (
 )
 
 __all__ = [
+    "advise",
     "analysis",
     "archive",
     "bench",

@@ -16,6 +16,8 @@ from services.dashboard.sieve import LARGEST, SILENCE_S, Sieve, plausible
 from services.dashboard.spectra import Spectra
 from services.dashboard.words import STALE_S, Word, describe
 from services.messages import (
+    ADVICE,
+    ADVICE_OVER,
     ChatterReport,
     Event,
     Floats,
@@ -75,6 +77,7 @@ class View:
         self.machine: MachineState | None = None
         self.report: ChatterReport | None = None
         self.command: TurretCommand | None = None
+        self.advice: Event | None = None
         self.force_n: dict[str, float | None] = dict.fromkeys(ENVELOPES)
         self.marked_mm = self._peak_n = 0.0
         self.last_hz: float | None = None
@@ -218,6 +221,9 @@ class View:
     def _event(self, event: Event) -> None:
         self.messages[topic_of(Event)] += 1
         self.event_count += 1
+        sound = event.shift_deg is None or plausible(event.shift_deg) is not None
+        if event.kind in (ADVICE, ADVICE_OVER) and event.run == self.sieve.run and sound:
+            self.advice = event if event.kind == ADVICE else None
         time_s = plausible(event.sample / self.rate_hz) if event.sample >= 0 else None
         line = {
             "id": self.event_count, "time_s": time_s, "source": event.source[:40], "kind": event.kind[:40],
@@ -304,11 +310,15 @@ class View:
         }
 
     def _of_command(self) -> dict[str, Any]:
-        c = self.command
+        c, a, m = self.command, self.advice, self.machine
+        shift_deg = a.shift_deg if a is not None else m.shift_requested_deg if m is not None else None
         return {
             "command": None if c is None else c.action,
             "command_shift_deg": None if c is None else c.shift_deg,
             "command_reason": None if c is None else c.reason[:300],
+            "advice": None if a is None else a.text[:300],
+            "advised_shift_deg": None if a is None else a.shift_deg,
+            "effects": self.facts.effects(shift_deg),
         }  # fmt: skip
 
 
