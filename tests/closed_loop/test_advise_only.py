@@ -87,9 +87,10 @@ def test_the_report_says_what_would_have_been_done():
     case = load_case("thesis-652")
     outcome = judge(case, 1, cut(True, "arm", arm_after_s=None), interrupted=False)
     said = " ".join(verdict(outcome.record, outcome.summary).sentences)
-    assert "would have moved turret 1 to 2.7" in said
+    shift_deg = first_move(cut(False, "arm"))
+    assert f"would have moved turret 1 to {shift_deg:.2f}°" in said
     record = with_advice(case, outcome.record)
-    assert shift_of(record) == pytest.approx(2.77, abs=0.02)
+    assert shift_of(record) == pytest.approx(shift_deg, abs=1e-9)
     assert record.effects[0][0] == "Feed marks"
     assert "unstable at equal pitch" in record.alternatives[0]
     unknown = with_advice(dataclasses.replace(case, foresight=None), outcome.record)
