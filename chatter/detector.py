@@ -97,20 +97,6 @@ class Detector:
         self._alarm.restore(state[2])
         self._lines.restore(state[3])
 
-    def assume(self, power: Floats, square: float, windows: float) -> None:
-        """Take levels for those of the air.
-
-        Parameters
-        ----------
-        power : ndarray, shape (bins,)
-            Squared line amplitude in every bin.
-        square : float
-            Mean square of the band.
-        windows : float
-            Independent windows behind them.
-        """
-        self._limits.assume(power, square, windows)
-
     def step(self, band: Floats, power: Floats, square: float, scene: Scene) -> dict[str, Any]:
         """Judge one block and return the fields of its `ChatterEstimate` that follow from it.
 

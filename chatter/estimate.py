@@ -56,9 +56,6 @@ class MonitorConfig:
         Relative uncertainty of the spindle speed.
     hum_hz : float or None
         Mains frequency whose multiples are in the signal at all times (Hz).
-    dominance : float or None
-        For a wide band: least part of the energy of all lines that the strongest must hold, and hold for three
-        windows, to be called chatter, whatever the limits say. None: the band is the neighbourhood of one mode.
     """
 
     band_hz: tuple[float, float]
@@ -76,7 +73,6 @@ class MonitorConfig:
     tools: int = 1
     speed_uncertainty: float = 0.002
     hum_hz: float | None = None
-    dominance: float | None = None
 
     def __post_init__(self) -> None:
         low, high = self.band_hz
@@ -101,8 +97,6 @@ class MonitorConfig:
             raise ValueError(f"tools must be at least 1, got {self.tools}")
         if not 0.0 <= self.speed_uncertainty < 0.5:
             raise ValueError(f"speed_uncertainty must be in [0, 0.5), got {self.speed_uncertainty}")
-        if self.dominance is not None and not 0.0 < self.dominance < 1.0:
-            raise ValueError(f"dominance must be in (0, 1) or None, got {self.dominance}")
         if self.window < 2.0 * self.block or self.refine_window < 2.0 * self.window:
             raise ValueError(
                 f"window must be from 2 block to refine_window / 2, got {self.window}"

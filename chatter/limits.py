@@ -212,22 +212,6 @@ class Limits:
         self.cut.forget()
         self._factors.pop("cut", None)
 
-    def assume(self, power: Floats, square: float, windows: float) -> None:
-        """Take levels for those of the air.
-
-        Parameters
-        ----------
-        power : ndarray, shape (bins,)
-            Squared line amplitude in every bin.
-        square : float
-            Mean square of the band.
-        windows : float
-            Independent windows behind them.
-        """
-        self._factors.pop("air", None)
-        self.air.forget()
-        self.air.learn(power, square, windows)
-
     def learn(self, power: Floats, square: float, in_cut: bool | None) -> None:
         """Take a block in as background.
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
-from chatter.dominance import peaks
+from chatter.peaks import peaks
 
 Floats = NDArray[np.float64]
 Bins = NDArray[np.intp]

@@ -17,7 +17,6 @@ from chatter.line_kinds import Scene
 from chatter.moving_variance import MovingVariance
 from chatter.sliding_dft import SlidingDFT
 from chatter.spectrum import hann_power
-from chatter.wide_detector import WideDetector
 
 __all__ = ["ChatterEstimate", "ChatterMonitor", "MonitorConfig", "MonitorState"]
 
@@ -78,8 +77,7 @@ class ChatterMonitor:
         self._dft = SlidingDFT(np.minimum(around, 0.5 * self.sample_rate_hz), self._window, self.sample_rate_hz,
                                self.channels)  # fmt: skip
         self._variance = MovingVariance(self._window, self.channels)
-        judge = Detector if config.dominance is None else WideDetector
-        self._detector = judge(
+        self._detector = Detector(
             config, self._frequencies_hz, 2.0 * (high - low) * config.window, self.sample_rate_hz, self.channels
         )
         self._context = Context(config, self.sample_rate_hz, self.channels)
@@ -107,50 +105,6 @@ class ChatterMonitor:
         time = np.arange(2 * self._window + self.block) / self.sample_rate_hz
         tone = np.sin(2.0 * np.pi * float(np.mean(self.config.band_hz)) * time)
         twin.process(np.repeat(tone[:, None], self.channels, axis=1), 0)
-
-    def levels(self, signal: ArrayLike, every: int = 1) -> tuple[Floats, Floats]:
-        """Return squared line amplitudes, shape (m, bins), and mean squares, shape (m,), of the blocks of a signal.
-
-        The windows are empty afterwards, and learned limits stay as they are. Blocks that are not finite and those
-        whose window reaches back over one, or over the start, are left out.
-
-        Parameters
-        ----------
-        signal : array_like, shape (n, channels)
-            A recording.
-        every : int
-            Only every so many blocks are returned.
-        """
-        samples = as_block(signal, self.channels)
-        powers, squares, since = [], [], 0
-        self._restart()
-        for start in range(0, len(samples) - self.block + 1, self.block):
-            block = samples[start : start + self.block]
-            since += self.block
-            if not np.abs(block).max() <= IMPLAUSIBLE:
-                self._restart()
-                since = 0
-                continue
-            _, power, square = self._analyse(block)
-            if since > self._window + self.block and start // self.block % every == 0:
-                powers.append(power)
-                squares.append(square)
-        self._restart()
-        return np.array(powers).reshape(-1, len(self._frequencies_hz)), np.array(squares)
-
-    def assume(self, power: ArrayLike, square: float, windows: float) -> None:
-        """Take levels for those of the signal without chatter.
-
-        Parameters
-        ----------
-        power : array_like, shape (bins,)
-            Squared line amplitude in every bin.
-        square : float
-            Mean square of the band.
-        windows : float
-            Independent windows behind them.
-        """
-        self._detector.assume(np.asarray(power, dtype=np.float64), float(square), float(windows))
 
     def process(
         self,
@@ -240,8 +194,6 @@ class ChatterMonitor:
             self._restart()
             return {"state": "invalid", "cutting": told.in_cut, "notes": wrong}
         band, power, square = self._analyse(block)
-        if self.config.dominance is not None:
-            return self._detector.step(band, power, square, told)
         scene, notes, comb_hz = self._context.complete(block, power, told)
         fields = self._detector.step(band, power, square, scene)
         return {**fields, "cutting": scene.in_cut, "comb_hz": comb_hz, "notes": (*notes, *wrong)}

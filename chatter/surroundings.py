@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from chatter.dominance import floor_of, peaks
 from chatter.line_kinds import Scene, Tone
+from chatter.peaks import floor_of, peaks
 
 Floats = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chatter.spectrum import hann_power, interpolated, pencil, refine
+from chatter.spectrum import hann_power, pencil
 
 RATE = 9000.0
 
@@ -51,32 +51,6 @@ def test_pencil_reaches_the_bound_in_noise_within_a_factor():
 def test_pencil_of_nothing_is_empty():
     assert pencil(np.zeros((720, 2)), 625.0, 150.0, RATE) == []
     assert pencil(np.ones((20, 1)), 625.0, 150.0, RATE) == []
-
-
-@given(st.floats(100.0, 4000.0), st.floats(-9.0, 9.0), st.floats(0.0, 6.28))
-def test_interpolation_finds_a_line_from_nearby(frequency, off, phase):
-    found = interpolated(line(frequency, 0.1, phase=phase)[:, None], frequency + off, RATE, 4)
-    assert found is not None
-    # what is left is the image at the negative frequency, 20 cycles and more away
-    assert abs(found[0] - frequency) < 0.02
-    assert abs(found[1] - 1.0) < 0.01
-
-
-def test_refinement_grows_with_the_steady_part():
-    steady = line(651.37, 1.0)[:, None]
-    rng = np.random.default_rng(2)
-    noisy = steady + rng.normal(scale=0.5, size=steady.shape)
-    frequency, amplitude, span = refine(noisy, 652.0, 720, RATE)
-    assert span == 1.0
-    assert abs(frequency - 651.37) < 0.05
-    assert amplitude == pytest.approx(1.0, abs=0.05)
-
-
-def test_refinement_stops_where_the_line_hopped():
-    signal = np.concatenate([line(611.5, 0.8), line(651.37, 0.2)])[:, None]
-    frequency, _, span = refine(signal, 651.0, 720, RATE)
-    assert span <= 0.4
-    assert abs(frequency - 651.37) < 1.0
 
 
 @given(st.integers(10, 40), st.floats(0.0, 6.28), st.floats(1e-3, 1e3))

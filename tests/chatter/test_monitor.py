@@ -242,7 +242,7 @@ def test_a_harmonic_of_the_spindle_is_forced():
     [
         ("band_hz", (750.0, 500.0)), ("band_hz", (600.0, 610.0)), ("window", 0.0), ("window", 0.015),
         ("hysteresis", 1.5), ("confirm", 0), ("expected_limit", -1.0), ("tools", 0), ("speed_uncertainty", 0.7),
-        ("dominance", 2.0), ("air_time", np.nan),
+        ("air_time", np.nan),
     ],
 )  # fmt: skip
 def test_a_bad_parameter_is_named(name, value):

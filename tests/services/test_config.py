@@ -12,7 +12,7 @@ from services.config import load_case, shipped
 from services.errors import InputError
 from services.units import has_unit
 
-PLAIN = ("ratio", "exponent", "factor", "overlap", "per_minute", "hysteresis", "damping_ratios", "dominance",
+PLAIN = ("ratio", "exponent", "factor", "overlap", "per_minute", "hysteresis", "damping_ratios",
          "sensitivity")
 UNITLESS_MESSAGE_FIELDS = {"confidence", "indicator", "limit", "in_cut"}
 
