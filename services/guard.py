@@ -171,6 +171,13 @@ class Guard:
         """Rejected commands so far, all reasons together."""
         return self.rejected.total()
 
+    def stand(self, position: Sequence[float]) -> None:
+        """Take it that the machine was moved while the guard was OFF, and stands at shift (rad), x1, y1 (m)."""
+        if self.state != "OFF" or self.moving:
+            raise RuntimeError(f"stand must be said while OFF and at rest, not in {self.state}")
+        self._envelope = Envelope(self.limits, position)
+        self._halt()
+
     def notices(self) -> list[Notice]:
         """Hand out and forget what happened since the last call; a flood is cut short, but counted."""
         listed = list(self._notices)

@@ -26,6 +26,8 @@ class Conditions:
         Measured shift (rad), x1 and y1 (m) at the last k samples before the block, shape (3, k) or (3,).
     blocked : str
         Any other reason to freeze the shift, such as a tool change; empty if none.
+    failed : str
+        Any other reason why no motion can be trusted, such as a control that does not answer; empty if none.
     """
 
     in_cut: bool
@@ -35,12 +37,15 @@ class Conditions:
     diameter: float
     measured: Floats
     blocked: str = ""
+    failed: str = ""
 
     @property
     def unfit(self) -> str:
         """Why no motion at all can be trusted, empty if it can."""
         if not self.homed:
             return "not homed"
+        if self.failed:
+            return self.failed
         return "" if 0.0 < self.diameter < LARGEST else f"diameter is {self.diameter}"
 
     @property

@@ -100,7 +100,7 @@ class MachineNode:
             case.limits, run=run, controller="controller", operator="operator",
             token=lambda: secrets.token_hex(8), start=self._measured.tolist(),
         )  # fmt: skip
-        self._path = ShiftTrajectory(case.path, self._rate, initial_shift)
+        self._path = ShiftTrajectory(self._path_limits(None), self._rate, initial_shift)
         self._slow: float | None = None
         self.panel = Panel()
         self._in_cut = False

@@ -1,0 +1,86 @@
+"""The adapters there are, by name, each made and ended in one place."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import tempfile
+from collections.abc import Generator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+from services.config import Case
+from services.errors import InputError
+from services.nodes.machine import MachineNode
+
+ADAPTERS = ("simulator", "linuxcnc")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """Which machine, and how it is reached.
+
+    Attributes
+    ----------
+    adapter
+        One of `ADAPTERS`.
+    folder
+        Of the control; None: one of our own for as long as it runs.
+    attach
+        Whether the control is running already, and is left running.
+    trace
+        File for what the control did in every servo cycle.
+    """
+
+    adapter: str = "simulator"
+    folder: pathlib.Path | None = None
+    attach: bool = False
+    trace: pathlib.Path | None = None
+
+    def __post_init__(self) -> None:
+        """Check what belongs together."""
+        if self.adapter not in ADAPTERS:
+            raise InputError("adapter", self.adapter, f"one of {', '.join(ADAPTERS)}")
+        if self.adapter == "simulator":
+            for name in ("folder", "attach", "trace"):
+                if getattr(self, name):
+                    given = "linuxcnc" if name == "folder" else name
+                    raise InputError(given, str(getattr(self, name)), "given with --adapter linuxcnc only")
+        elif self.attach and self.folder is None:
+            raise InputError("attach", True, "given with --linuxcnc DIR, the folder of the running control")
+
+
+@contextmanager
+def open_machine(choice: Choice, case: Case, seed: int, run: str) -> Generator[MachineNode]:
+    """Make a machine, and end whatever was started for it."""
+    if choice.adapter == "simulator":
+        yield MachineNode(case, seed, run)
+        return
+    from services.machines.linuxcnc.control import Control
+    from services.machines.linuxcnc.folder import init_folder
+    from services.machines.linuxcnc.link import Link
+    from services.machines.linuxcnc.node import LinuxcncNode
+    from services.machines.linuxcnc.settings import load_settings
+
+    with ExitStack() as stack:
+        folder = choice.folder
+        if folder is None:
+            folder = pathlib.Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="antiphase-lathe-")))
+            init_folder(folder, case)
+        settings = load_settings(folder)
+        settings.fit(case)
+        environment = dict(os.environ)
+        if not choice.attach:
+            environment = stack.enter_context(Control(settings)).environment
+        link = Link(settings, environment)
+        stack.callback(link.close)
+        link.ready()
+        program = settings.path.parent / "turn.ngc"
+        if not choice.attach:
+            link.bring_up()
+        own = not choice.attach and program.exists()
+        node = LinuxcncNode(case, seed, run, link, str(program) if own else None)
+        stack.callback(node.close)
+        yield node
+        if choice.trace is not None:
+            node.trace.write(choice.trace)

@@ -1,0 +1,305 @@
+#!/usr/bin/python3
+"""Between JSON lines on standard input and output and the pins of a running LinuxCNC.
+
+It runs under the Python that LinuxCNC was built for and imports nothing but that and the standard library. It decides
+nothing: bounds and watchdog are in the servo thread. In, one object per line:
+
+{"do": "move", "x": [...], "y": [...], "over_s": 0.01}   points of the two offsets (mm), spread evenly over the time
+{"do": "arm"}      clear the offsets, take back a latched fault; {"do": "disarm"} clear them and let go
+{"do": "trip"}     stop beating: freezes the offset, holds the feed, latched
+{"do": "hold", "on": true}                               feed hold
+{"do": "control", "name": "estop_reset", "value": ...}   one of CONTROL
+{"do": "ping"}
+
+Out, one object per line: {"rows": [[cycle, ...], ...], "at": T, "status": {...}}; a row has what the sampler of
+`antiphase.hal` samples, `at` is when the last row was read, on this computer's monotonic clock.
+"""
+
+import json
+import math
+import os
+import select
+import sys
+import time
+from collections import deque
+
+ROW = "fffffffbbbb"
+BOUNDED, FAULT, RUN, LIMITED, ENABLED, APPLIED = (6, 7), 8, 9, 10, 11, (4, 5)
+PINS = {"x": "ask-1", "y": "ask-2", "beat": "beat", "arm": "arm", "ack": "ack", "clear": "clear", "hold": "hold"}
+PREFIX = "antiphase-"
+LOOP_S, SAY_S, STATUS_S = 0.001, 0.004, 0.01
+MOST_POINTS, MOST_AHEAD_S, MOST_UNREAD = 100, 0.02, 1 << 20
+REST_MM, ARMING_S = 1e-6, 3.0
+CONTROL = ("estop", "estop_reset", "on", "off", "home", "load", "run", "abort", "manual")
+
+
+def foreign(names):
+    """Return the living bridge among names of components, and the pins' prefixes that dead ones left."""
+    dead = []
+    for name in sorted(names):
+        pid = name[len(PREFIX) :]
+        if not pid.isdigit() or int(pid) == os.getpid():
+            continue
+        if os.path.exists(f"/proc/{pid}"):
+            return int(pid), dead
+        dead.append(name)
+    return None, dead
+
+
+class Refused(Exception):  # noqa: N818  (an answer, not a failure)
+    """The bridge cannot be, or cannot do what it was asked."""
+
+
+class Bridge:
+    """The pins, the queue of points, and the sequence of arming.
+
+    Parameters
+    ----------
+    hal, linuxcnc
+        The modules of LinuxCNC, or what acts like them.
+    fresh
+        Time without a move after which the beat stops (s).
+    now
+        Monotonic clock (s).
+    """
+
+    def __init__(self, hal, linuxcnc, fresh, now=time.monotonic):
+        self._now, self._fresh, self._linuxcnc = now, fresh, linuxcnc
+        self._pins = self._join(hal)
+        self._stream = hal.stream(self._pins, hal.sampler_base, ROW)
+        self._stat, self._command = linuxcnc.stat(), linuxcnc.command()
+        self._points = deque()
+        self._rest((0.0, 0.0))
+        self._heard, self._tripped = None, False
+        self._steps = self._done = self._row = None
+        self._until = 0.0
+        self._beat, self._polled, self._said = False, -math.inf, -math.inf
+        self.rows, self.status, self.rejected, self.state, self.why = [], {}, 0, "idle", ""
+
+    def _join(self, hal):
+        pins = hal.component(f"{PREFIX}{os.getpid()}")
+        for name in PINS:
+            pins.newpin(name, hal.HAL_FLOAT if name in "xy" else hal.HAL_BIT, hal.HAL_OUT)
+        pins.ready()
+        owners = {pin["NAME"].rsplit(".", 1)[0] for pin in hal.get_info_pins() if pin["NAME"].startswith(PREFIX)}
+        alive, dead = foreign(owners)
+        if alive is not None:
+            pins.exit()
+            raise Refused(f"another bridge (process {alive}) holds the offsets of this LinuxCNC: end it first")
+        for name in dead:
+            for pin in PINS:
+                hal.disconnect(f"{name}.{pin}")
+        signals = {signal["NAME"] for signal in hal.get_info_signals()}
+        missing = sorted(set(PINS.values()) - signals)
+        if missing:
+            pins.exit()
+            raise Refused(f"LinuxCNC runs without antiphase.hal: it has no signal {', '.join(missing)}")
+        for name, signal in PINS.items():
+            hal.connect(f"{PREFIX}{os.getpid()}.{name}", signal)
+            pins[name] = 0.0 if name in "xy" else False
+        return pins
+
+    def hear(self, line):
+        """Take one line; nonsense is counted and is no sign of life."""
+        try:
+            told = json.loads(line)
+            getattr(self, "_do_" + told.pop("do"))(**told)
+        except (ValueError, TypeError, AttributeError, KeyError, OverflowError):
+            self.rejected += 1
+        except Refused as refused:
+            self.state, self.why = "refused", str(refused)
+
+    def _do_ping(self):
+        pass
+
+    def _do_move(self, x, y, over_s):
+        if not 0 < len(x) == len(y) <= MOST_POINTS or not 0 < over_s <= 1:
+            raise ValueError
+        points = [(float(a), float(b)) for a, b in zip(x, y)]
+        if not all(math.isfinite(a) and math.isfinite(b) for a, b in points):
+            raise ValueError
+        now = self._heard = self._now()
+        if self.state != "armed":
+            return
+        begin = self._points[-1][0] if self._points else now
+        if not self._points or begin > now + MOST_AHEAD_S:
+            begin = now
+            self._rest(self._here)
+        step = over_s / len(points)
+        self._points.extend((begin + (k + 1) * step, point) for k, point in enumerate(points))
+
+    def _do_trip(self):
+        self._tripped = True
+
+    def _do_hold(self, on):
+        self._pins["hold"] = bool(on)
+
+    def _do_arm(self):
+        self._begin(self._arming)
+
+    def _do_disarm(self):
+        self._begin(self._disarming)
+
+    def _do_control(self, name, value=None):
+        c, command = self._linuxcnc, self._command
+        states = {"estop": c.STATE_ESTOP, "estop_reset": c.STATE_ESTOP_RESET, "on": c.STATE_ON, "off": c.STATE_OFF}
+        if name in states:
+            command.state(states[name])
+        elif name == "home":
+            command.mode(c.MODE_MANUAL)
+            command.wait_complete()
+            command.teleop_enable(0)
+            command.wait_complete()
+            command.home(-1)
+        elif name == "load":
+            command.mode(c.MODE_AUTO)
+            command.wait_complete()
+            command.program_open(value)
+            command.wait_complete()
+        elif name == "run":
+            command.auto(c.AUTO_RUN, 0)
+        elif name in ("abort", "manual"):
+            command.abort() if name == "abort" else command.mode(c.MODE_MANUAL)
+        else:
+            raise ValueError
+
+    def _begin(self, sequence):
+        if self.status.get("program") != "idle":
+            raise Refused("a program runs: abort it, and arm with the tool out of the cut")
+        if not self.status.get("enabled"):
+            raise Refused("the machine is not on")
+        self._rest((0.0, 0.0))
+        self._tripped = False
+        self.state, self.why, self._until = "arming", "", self._now() + ARMING_S
+        self._steps = sequence()
+        self._done = next(self._steps)
+
+    def _rest(self, point):
+        """Forget the path and stay at a point."""
+        self._points.clear()
+        self._here, self._left = point, (self._now(), point)
+
+    def _arming(self):
+        """Yield until each step of the sequence is done; what it waits for is seen in the servo thread."""
+        pins = self._pins
+        pins["arm"] = pins["ack"] = False
+        yield lambda row: not any(map(abs, (row[k] for k in BOUNDED)))
+        pins["clear"] = pins["arm"] = True
+        yield lambda row: row[RUN]
+        pins["ack"] = True
+        yield lambda row: not row[FAULT]
+        pins["ack"] = False
+        yield lambda row: all(abs(row[k]) < REST_MM for k in APPLIED)
+        pins["clear"] = False
+        self.state = "armed"
+
+    def _disarming(self):
+        pins = self._pins
+        pins["clear"] = True
+        yield lambda row: row[FAULT] or all(abs(row[k]) < REST_MM for k in APPLIED)
+        pins["arm"] = False
+        yield lambda row: not row[RUN]
+        pins["clear"] = False
+        self.state = "idle"
+
+    def turn(self):
+        """Do what is due now."""
+        now = self._now()
+        new = len(self.rows)
+        while self._stream.readable:
+            values = self._stream.read()
+            self.rows.append((self._stream.sampleno, *values))
+        self._advance(now, len(self.rows) > new)
+        self._play(now)
+        arming = self.state == "arming"
+        if arming or (self._heard is not None and now - self._heard < self._fresh and not self._tripped):
+            self._beat = not self._beat
+            self._pins["beat"] = self._beat
+        if now - self._polled >= STATUS_S:
+            self._polled = now
+            self._look()
+
+    def _advance(self, now, seen):
+        """Go on with a sequence when the last row says that its step is done."""
+        if self.rows:
+            self._row = self.rows[-1]
+        if self.state == "armed" and self._row is not None and self._row[FAULT]:
+            self.state, self.why = "fault", ""
+            self._rest(self._here)
+        if self.state != "arming":
+            return
+        if self._until < now:
+            self.state, self.why = "refused", f"the servo thread did not follow within {ARMING_S:g} s"
+            self._pins["arm"] = False
+        elif seen and self._done(self._row):
+            self._done = next(self._steps, None)
+
+    def _play(self, now):
+        """Set the request to where the path is now, on a straight line between two points."""
+        while self._points and self._points[0][0] <= now:
+            self._left = self._points.popleft()
+        begin, here = self._left
+        if self._points:
+            until, goal = self._points[0]
+            share = min(1.0, max(0.0, (now - begin) / (until - begin)))
+            here = tuple(a + share * (b - a) for a, b in zip(here, goal))
+        self._here = here
+        self._pins["x"], self._pins["y"] = here
+
+    def _look(self):
+        stat, c = self._stat, self._linuxcnc
+        stat.poll()
+        self.status = {
+            "estop": bool(stat.estop), "enabled": bool(stat.enabled), "homed": [bool(h) for h in stat.homed[:9]],
+            "program": "idle" if stat.interp_state == c.INTERP_IDLE else "runs", "paused": bool(stat.paused),
+            "position": list(stat.actual_position[:9]), "version": c.version, "ini": stat.ini_filename,
+            "bridge": self.state, "why": self.why, "rejected": self.rejected,
+        }  # fmt: skip
+
+    def said(self):
+        """Return the next line for the client, None when it is not time."""
+        now = self._now()
+        if now - self._said < SAY_S:
+            return None
+        self._said, rows, self.rows = now, self.rows, []
+        self.status |= {"bridge": self.state, "why": self.why, "rejected": self.rejected}
+        return json.dumps({"rows": rows, "at": now, "status": self.status})
+
+
+def main(arguments):
+    """Serve until standard input ends."""
+    import hal
+    import linuxcnc
+
+    try:
+        bridge = Bridge(hal, linuxcnc, float(arguments[0]))
+    except (Refused, hal.error, linuxcnc.error, RuntimeError) as error:
+        print(json.dumps({"refused": str(error) or "LinuxCNC does not answer"}), flush=True)
+        return 3
+    os.set_blocking(0, False)
+    os.set_blocking(1, False)
+    unread, unsaid = b"", b""
+    while True:
+        ready, _, _ = select.select([0], [], [], LOOP_S)
+        if ready:
+            got = os.read(0, 1 << 16)
+            if not got:
+                return 0
+            *lines, unread = (unread + got).split(b"\n")
+            for line in lines:
+                bridge.hear(line)
+        bridge.turn()
+        said = bridge.said()
+        if said is not None and len(unsaid) < MOST_UNREAD:
+            unsaid += said.encode() + b"\n"
+        if unsaid:
+            try:
+                unsaid = unsaid[os.write(1, unsaid) :]
+            except BlockingIOError:
+                pass
+            except BrokenPipeError:
+                return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

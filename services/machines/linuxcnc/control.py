@@ -1,0 +1,144 @@
+"""A LinuxCNC of our own: started without a screen, followed, and gone when it shall be, with all that it left."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+import tempfile
+import uuid
+from typing import Self
+
+from services.clock import WallClock
+from services.errors import RefusalError
+from services.machines.linuxcnc.settings import Settings
+
+LOCK = pathlib.Path("/tmp/linuxcnc.lock")
+PYTHON = "/usr/bin/python3"
+OLDEST = (2, 9)
+NOBODY = "65534"
+START_S, STOP_S, LOOK_S = 20.0, 10.0, 0.01
+INSTALL = "`apt-get install linuxcnc-uspace` (Debian 12 or newer, Ubuntu 24.04 or newer)"
+TASKS = ("rtapi_app", "milltask", "linuxcncsvr")
+CLOCK = WallClock()
+
+
+def installed() -> str:
+    """Return why LinuxCNC cannot run here, empty if it can."""
+    if shutil.which("linuxcnc", path=SYSTEM_PATH) is None:
+        return f"LinuxCNC is not installed: {INSTALL}"
+    known = subprocess.run([PYTHON, "-c", "import hal, linuxcnc"], capture_output=True, check=False)
+    return "" if known.returncode == 0 else f"{PYTHON} does not know LinuxCNC's modules: {INSTALL}"
+
+
+SYSTEM_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
+
+
+def old_version(text: str) -> str:
+    """Return why a version of LinuxCNC will not do, empty if it will."""
+    found = re.match(r"(\d+)\.(\d+)", text)
+    if found is not None and (int(found[1]), int(found[2])) >= OLDEST:
+        return ""
+    wanted = ".".join(map(str, OLDEST))
+    return f"this is LinuxCNC {text or 'of unknown version'}; external offsets are relied on from {wanted}: {INSTALL}"
+
+
+def running() -> str:
+    """Return what says that a LinuxCNC is there already, empty if none is."""
+    there = sorted({name for name in map(_name, _processes()) if name in TASKS})
+    if there:
+        return f"another LinuxCNC is running ({', '.join(there)}): end it first, one control per computer"
+    if LOCK.exists():
+        return f"{LOCK} is left by a LinuxCNC that did not end well, and none is running: remove that file"
+    return ""
+
+
+def _processes() -> list[int]:
+    return [int(entry) for entry in os.listdir("/proc") if entry.isdigit()]
+
+
+def _name(pid: int) -> str:
+    with contextlib.suppress(OSError):
+        return pathlib.Path(f"/proc/{pid}/comm").read_text(encoding="utf-8").strip()
+    return ""
+
+
+class Control:
+    """LinuxCNC without a screen, for as long as this process lives.
+
+    Parameters
+    ----------
+    settings
+        Its INI file, checked.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        if why := installed() or running():
+            raise RefusalError(why)
+        self._folder = pathlib.Path(tempfile.mkdtemp(prefix="antiphase-linuxcnc-", dir="/tmp"))
+        self._folder.chmod(0o777)  # the real-time part gives up the rights of root and opens its pipe here
+        self._tag = uuid.uuid4().hex
+        self.environment = self._surroundings()
+        with (self._folder / "log").open("wb") as log:
+            self._process = subprocess.Popen(
+                ["linuxcnc", "-r", str(settings.path)], stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                env=self.environment, start_new_session=True, cwd=self._folder,
+            )  # fmt: skip
+
+    def _surroundings(self) -> dict[str, str]:
+        known = {
+            "PATH": SYSTEM_PATH, "LANG": "C", "RUNTESTS": "1", "HOME": str(self._folder),
+            "ANTIPHASE_RUN": str(self._folder), "ANTIPHASE_PARENT": str(os.getpid()), "ANTIPHASE_TAG": self._tag,
+        }  # fmt: skip
+        pipe = {"RTAPI_FIFO_PATH": str(self._folder / ".rtapi_fifo")}
+        return known | pipe | ({"RTAPI_UID": NOBODY} if os.getuid() == 0 else {})
+
+    def __enter__(self) -> Self:
+        """Wait until it runs."""
+        until = CLOCK.now() + START_S
+        while not (self._folder / "started").exists():
+            if self._process.poll() is not None or CLOCK.now() > until:
+                log = self.log()
+                self.stop()
+                raise RefusalError(f"LinuxCNC did not start: {log}")
+            CLOCK.sleep_until(CLOCK.now() + LOOK_S)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def log(self) -> str:
+        """Return the last lines of what it said."""
+        lines = (self._folder / "log").read_text(encoding="utf-8", errors="replace").splitlines()
+        noise = ("Running with fallback_uid", "Note: Using POSIX")
+        return " / ".join([line for line in lines if line.strip() and not line.startswith(noise)][-8:])
+
+    def stop(self) -> None:
+        """Let it end; what is still there after a while is ended by force."""
+        with contextlib.suppress(OSError):
+            (self._folder / "stop").touch()
+        try:
+            self._process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if left := self.left():
+            for pid in left:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            with contextlib.suppress(OSError):
+                LOCK.unlink()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def left(self) -> list[int]:
+        """Return the processes that it started and that are still there."""
+        return [pid for pid in _processes() if pid != os.getpid() and self._is_ours(pid)]
+
+    def _is_ours(self, pid: int) -> bool:
+        with contextlib.suppress(OSError):
+            return self._tag.encode() in pathlib.Path(f"/proc/{pid}/environ").read_bytes()
+        return False
