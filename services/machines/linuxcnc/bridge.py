@@ -28,7 +28,7 @@ BOUNDED, FAULT, RUN, LIMITED, ENABLED, APPLIED = (6, 7), 8, 9, 10, 11, (4, 5)
 PINS = {"x": "ask-1", "y": "ask-2", "beat": "beat", "arm": "arm", "ack": "ack", "clear": "clear", "hold": "hold"}
 PREFIX = "antiphase-"
 LOOP_S, SAY_S, STATUS_S = 0.001, 0.004, 0.01
-MOST_POINTS, MOST_AHEAD_S, MOST_UNREAD = 100, 0.02, 1 << 20
+MOST_POINTS, MOST_AHEAD_S, MOST_UNREAD = 100, 0.002, 1 << 20
 REST_MM, ARMING_S = 1e-6, 3.0
 CONTROL = ("estop", "estop_reset", "on", "off", "home", "load", "run", "abort", "manual")
 
@@ -72,7 +72,7 @@ class Bridge:
         self._rest((0.0, 0.0))
         self._heard, self._tripped = None, False
         self._steps = self._done = self._row = None
-        self._until = 0.0
+        self._until, self.asked = 0.0, 0
         self._beat, self._polled, self._said = False, -math.inf, -math.inf
         self.rows, self.status, self.rejected, self.state, self.why = [], {}, 0, "idle", ""
 
@@ -135,9 +135,11 @@ class Bridge:
         self._pins["hold"] = bool(on)
 
     def _do_arm(self):
+        self.asked += 1
         self._begin(self._arming)
 
     def _do_disarm(self):
+        self.asked += 1
         self._begin(self._disarming)
 
     def _do_control(self, name, value=None):
@@ -262,7 +264,7 @@ class Bridge:
         if now - self._said < SAY_S:
             return None
         self._said, rows, self.rows = now, self.rows, []
-        self.status |= {"bridge": self.state, "why": self.why, "rejected": self.rejected}
+        self.status |= {"asked": self.asked, "bridge": self.state, "why": self.why, "rejected": self.rejected}
         return json.dumps({"rows": rows, "at": now, "status": self.status})
 
 

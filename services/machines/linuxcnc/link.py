@@ -54,7 +54,7 @@ class Link:
         self.rows: list[Row] = []
         self.last: Row | None = None
         self.at = self.heard = 0.0
-        self._unread = b""
+        self._unread, self._asked = b"", 0
         with as_file(files("services.machines.linuxcnc") / "bridge.py") as script:
             self._process = subprocess.Popen(
                 [PYTHON, str(script), str(settings.fresh_s)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
@@ -138,6 +138,20 @@ class Link:
             return os.write(self._in, line) == len(line)
         except OSError:
             return False
+
+    def ask(self, what: str) -> None:
+        """Let the bridge arm or disarm; `answered` says when it is done."""
+        self._asked += self.tell(do=what)
+
+    @property
+    def answered(self) -> bool:
+        """Whether the bridge has done, or refused, what it was asked last."""
+        return self.status.get("asked", 0) >= self._asked and self.status["bridge"] != "arming"
+
+    @property
+    def armed(self) -> bool:
+        """Whether the offsets follow what the bridge is told."""
+        return self.answered and self.status["bridge"] == "armed"
 
     def control(self, name: str, value: str | None = None) -> None:
         """Let the control do something, such as switch on."""

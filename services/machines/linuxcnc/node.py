@@ -83,7 +83,7 @@ class LinuxcncNode(MachineNode):
             self._read()
             return [*self._go_on_arming(), *super().handle(message)]
         if isinstance(message, OperatorRequest):
-            if message.request == "arm" and self._link.status["bridge"] != "armed" and self._guard.state == "OFF":
+            if message.request == "arm" and not self._link.armed and self._guard.state == "OFF":
                 return self._arm(message)
             if message.request in ("stop", "disarm"):
                 self._waiting = None
@@ -99,8 +99,8 @@ class LinuxcncNode(MachineNode):
         link.control("abort")
         try:
             link.wait(lambda: link.status["program"] == "idle" or self._lost(), "the program does not end", END_S)
-            link.tell(do="disarm")
-            link.wait(lambda: link.status["bridge"] != "armed" and link.status["bridge"] != "arming", "", END_S)
+            link.ask("disarm")
+            link.wait(lambda: link.answered, "the offset does not go back", END_S)
         except RefusalError:
             pass
         link.close()
@@ -151,20 +151,20 @@ class LinuxcncNode(MachineNode):
         why = self._link.unready() or ("the tools are in the cut" if self._in_cut else "")
         if why:
             return [self._event("request_rejected", f"'arm': {why}")]
-        self._link.tell(do="arm")
+        self._link.ask("arm")
         self._waiting = request
-        self._link.status["bridge"] = "arming"
         return []
 
     def _go_on_arming(self) -> list[Message]:
-        request, state = self._waiting, self._link.status["bridge"]
-        if request is None or state == "arming":
+        request, link = self._waiting, self._link
+        if request is None or not (link.answered or self._lost()):
             return []
         self._waiting = None
-        if state != "armed":
-            return [self._event("request_rejected", f"'arm': LinuxCNC: {self._link.status['why'] or state}")]
+        if not link.armed:
+            why = "the bridge has ended" if self._lost() else link.status["why"] or link.status["bridge"]
+            return [self._event("request_rejected", f"'arm': LinuxCNC: {why}")]
         self._guard.stand((0.0, 0.0, 0.0))
-        self._tripped = False
+        self._base, self._tripped = None, False
         self._guard.request(request)
         if self._program is not None:
             self._link.control("run")
@@ -196,7 +196,7 @@ class LinuxcncNode(MachineNode):
 
     def _blocked(self) -> str:
         status = self._link.status
-        if status["bridge"] != "armed":
+        if not self._link.armed:
             return "the offsets of LinuxCNC are not armed"
         return "no program runs on LinuxCNC any more" if self._ran and status["program"] == "idle" else ""
 
@@ -205,7 +205,7 @@ class LinuxcncNode(MachineNode):
         if self._lost():
             return "the bridge to LinuxCNC has ended" if not self._link.alive else "the bridge to LinuxCNC is silent"
         last = self._link.last
-        if last is None or not last.fault or self._link.status["bridge"] in ("arming", "idle"):
+        if last is None or not last.fault or not self._link.answered or self._link.status["bridge"] == "idle":
             return ""
         if not last.enabled:
             stopped = self._link.status["estop"]
@@ -239,7 +239,7 @@ class LinuxcncNode(MachineNode):
     def _oversee(self) -> None:
         """Pass on what the guard asks of the control: feed hold, and at a fault the latched freeze."""
         guard = self._guard
-        if guard.feed_inhibit_requested and not self._tripped and self._link.status["bridge"] == "armed":
+        if guard.feed_inhibit_requested and not self._tripped and self._link.armed:
             self._tripped = self._link.tell(do="trip")
         if guard.feed_hold_requested != self._held:
             self._held = guard.feed_hold_requested
