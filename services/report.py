@@ -13,6 +13,12 @@ from services.report_page import figures, folded, head, page, section, table
 from services.sentences import NOTHING, arc_mm, limit_source, noise_passes, number, verdict
 
 CAPTIONS = {
+    "linuxcnc": (
+        "Who moved the turret.",
+        "Requested by the guard, applied by LinuxCNC and reached by the simulated slides, on one time axis. The motion "
+        "is that of LinuxCNC's own controller through its external offsets, read back in every servo cycle; its drives, "
+        "the bar and the cut are simulated.",
+    ),
     "spectrograms": (
         "The cutting force, as it would sound.",
         "Each column is a short-time spectrum of the force estimated from the feed drive; darker is stronger, on one "

@@ -33,6 +33,13 @@ Sensitivity = Annotated[
     float | None,
     typer.Option("--sensitivity", help="Steps of 3 dB off every limit of the monitor, -3..3 (default: the case's)."),
 ]
+Adapter = Annotated[
+    str, typer.Option("--adapter", help="simulator, or linuxcnc: the turret's motion is that of a running LinuxCNC.")
+]
+LinuxcncDir = Annotated[
+    pathlib.Path | None,
+    typer.Option("--linuxcnc", help="Folder of `antiphase linuxcnc init` (default: one for as long as it runs)."),
+]
 
 INTERRUPTED = 1
 

@@ -16,7 +16,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from services.cli.app import (
     INTERRUPTED,
+    Adapter,
     JsonFlag,
+    LinuxcncDir,
     OutDir,
     Seed,
     Sensitivity,
@@ -118,17 +120,27 @@ def demo(
     arm_after_s: ArmAfter = 0.0,
     sensitivity: Sensitivity = None,
     advise_only: AdviseOnly = False,
+    adapter: Adapter = "simulator",
+    linuxcnc: LinuxcncDir = None,
     as_json: JsonFlag = False,
 ) -> int:
-    """Show a case from chatter to silence: machine, monitor and controller as three processes in real time."""
+    """Show a case from chatter to silence: machine, monitor and controller as three processes in real time.
+
+    `demo linuxcnc` is `demo thesis-652 --adapter linuxcnc`: the turret's motion is LinuxCNC's own.
+    """
     from services.demo import run_demo
+    from services.machines.adapters import Choice
     from services.recording_writer import McapRecorder
 
+    case, adapter = ("thesis-652", "linuxcnc") if case == "linuxcnc" else (case, adapter)
+    choice = Choice(adapter=adapter, folder=linuxcnc)
     config, used, armed = _announced(case, seed, arm_after_s, sensitivity, as_json, advise_only)
-    folder = writable_folder(out or pathlib.Path("runs") / config.name) or pathlib.Path()
+    name = config.name if adapter == "simulator" else f"{config.name}-{adapter}"
+    folder = writable_folder(out or pathlib.Path("runs") / name) or pathlib.Path()
     clock = WallClock()
     started = clock.now()
     path = folder / "run.mcap"
+    choice = replace(choice, trace=None if adapter == "simulator" else folder / "linuxcnc.csv")
     with progress_bar(case) as progress, McapRecorder(path, _metadata(config, used, "wall")) as recorder:
 
         def hear(topic: str, payload: bytes, encoding: str, _: Message) -> None:
@@ -136,12 +148,27 @@ def demo(
 
         seen = run_demo(
             case, config, used, clock=clock, say=_say, arm_after_s=armed, hear=hear, progress=progress,
-            advise_only=advise_only,
+            lasts=choice.options(), advise_only=advise_only,
         )  # fmt: skip
     if recorder.failure:
         _say(f"{path.name} is incomplete: {recorder.failure}")
     ran_s = clock.now() - started
-    return conclude(config, used, seen.tape, seen.interrupted, folder, ran_s, as_json, recorded=[path])
+    extra, drawn = _followed(choice.trace, seen.services.get("machine", {}))
+    return conclude(
+        config, used, seen.tape, seen.interrupted, folder, ran_s, as_json, recorded=[path, *drawn], extra=extra,
+        more=extra.get("said", ""),
+    )  # fmt: skip
+
+
+def _followed(trace: pathlib.Path | None, machine: dict[str, Any]) -> tuple[dict[str, Any], list[pathlib.Path]]:
+    """Draw how the control followed, and return what there is to say of it."""
+    if trace is None or not trace.exists():
+        return {}, []
+    from services.figures.linuxcnc import write_linuxcnc_figure
+    from services.machines.linuxcnc.trace import judge_trace, read_trace
+
+    followed = judge_trace(read_trace(trace), machine)
+    return followed, [trace, write_linuxcnc_figure(read_trace(trace), trace.with_suffix(".png"))]
 
 
 def _say(text: str) -> None:

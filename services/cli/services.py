@@ -12,7 +12,19 @@ from typing import Annotated, Any
 import typer
 
 from services.bus import Node
-from services.cli.app import JsonFlag, Seed, Sensitivity, app, console, emit, positive, require, sensitive
+from services.cli.app import (
+    Adapter,
+    JsonFlag,
+    LinuxcncDir,
+    Seed,
+    Sensitivity,
+    app,
+    console,
+    emit,
+    positive,
+    require,
+    sensitive,
+)
 from services.clock import WallClock, utc_now
 from services.config import Case, load_case
 from services.doubts import doubts_of, notes, refusing
@@ -50,6 +62,9 @@ AdviseOnly = Annotated[
     bool, typer.Option("--advise-only", help="Say what the controller would command, and command nothing.")
 ]
 Shelf = Annotated[pathlib.Path | None, typer.Option("--shelf", hidden=True, help="Folder for what was learned.")]
+Attach = Annotated[
+    bool, typer.Option("--attach", help="LinuxCNC runs already, is on and homed; its program is started there.")
+]
 CLOSING_S = 3.0
 
 
@@ -119,17 +134,24 @@ def machine(
     ] = None,
     wait_s: Annotated[float, typer.Option("--wait-s", help="How long to wait for monitor and controller (s).")] = 120.0,
     identity: IdentityDir = None,
+    adapter: Adapter = "simulator",
+    linuxcnc: LinuxcncDir = None,
+    attach: Attach = False,
+    trace: Annotated[
+        pathlib.Path | None, typer.Option("--trace", help="CSV of what LinuxCNC did in every servo cycle.")
+    ] = None,
     as_json: JsonFlag = False,
     child: Child = False,
     latencies: Annotated[bool, typer.Option("--latencies", hidden=True, help="Every latency in the JSON.")] = False,
 ) -> None:
     """Be the (simulated) machine in real time. Without --connect it holds the router that the others connect to."""
     from services.closed_loop import blocks_of
+    from services.machines.adapters import Choice, open_machine
     from services.messages import BLOCK_S
-    from services.nodes.machine import MachineNode
     from services.pace import Paced, PacedMachine
 
     config = load_case(case)
+    choice = Choice(adapter=adapter, folder=linuxcnc, attach=attach, trace=trace)
     positive("wait-s", wait_s, "s")
     blocks = None if forever else blocks_of(config)
     if duration_s is not None and not forever:
@@ -149,13 +171,12 @@ def machine(
             if arm_after_s is None:
                 say("the guard is OFF until `antiphase operator arm` (or --arm-after-s)")
             armed = None if arm_after_s is None else round(arm_after_s / BLOCK_S)
-            with _audit(event_log, config, run) as log:
-                node = MachineNode(config, used, run)
+            with _audit(event_log, config, run) as log, open_machine(choice, config, used, run) as node:
                 paced = PacedMachine(node, bus, run, clock=WallClock(), stop=stop, say=say, log=log)
                 with refusing(config, Paced().summary(False)):
                     counts = paced.run(blocks, arm_block=armed, wait_s=wait_s)
             answer = {"service": "machine", "machine": bus.machine, "run": run, "case": config.name, "seed": used}
-            answer |= counts.summary(latencies) | {"endpoint": bus.endpoint} | paced.noticed()
+            answer |= counts.summary(latencies) | {"endpoint": bus.endpoint} | paced.noticed() | node.summary()
     emit(answer, _words(answer), as_json)
 
 

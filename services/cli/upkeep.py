@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from services.cli.app import JsonFlag, app, emit
+from services.cli.app import JsonFlag, LinuxcncDir, app, emit
 from services.clock import WallClock
 from services.errors import InputError
 
@@ -44,6 +44,7 @@ def doctor(
     connect: Annotated[
         str | None, typer.Option("--connect", help="The router to probe; default: one of its own.")
     ] = None,
+    linuxcnc: LinuxcncDir = None,
     as_json: JsonFlag = False,
 ) -> int:
     """Check the installation, the compiled kernels, the clock, a Zenoh round trip and the rights on the bus."""
@@ -51,7 +52,11 @@ def doctor(
 
     if connect is not None and identity is None:
         raise InputError("connect", connect, "given with --identity DIR: without certificates there are no rights")
-    found = examine(WallClock(), identity, connect)
+    found = examine(WallClock(), identity, connect) if linuxcnc is None else []
+    if linuxcnc is not None:
+        from services.machines.linuxcnc.examine import examine_linuxcnc
+
+        found = examine_linuxcnc(linuxcnc)
     lines = [f"{'ok  ' if f.ok else 'FAIL'}  {f.name:18} {f.detail}" for f in found]
     emit({"checks": [asdict(f) for f in found]}, "\n".join(lines), as_json)
     return 0 if all(f.ok for f in found) else 1

@@ -49,6 +49,14 @@ class Choice:
         elif self.attach and self.folder is None:
             raise InputError("attach", True, "given with --linuxcnc DIR, the folder of the running control")
 
+    def options(self) -> tuple[str, ...]:
+        """Return the same as options of `antiphase machine`."""
+        if self.adapter == "simulator":
+            return ()
+        given = (("--linuxcnc", self.folder), ("--trace", self.trace))
+        named = (word for name, path in given if path is not None for word in (name, str(path)))
+        return ("--adapter", self.adapter, *named, *(("--attach",) if self.attach else ()))
+
 
 @contextmanager
 def open_machine(choice: Choice, case: Case, seed: int, run: str) -> Generator[MachineNode]:

@@ -122,6 +122,10 @@ class MachineNode:
             self._guard.request(message)
         return self._notices(message.sequence)
 
+    def summary(self) -> dict[str, Any]:
+        """Return what there is to say of the machine itself, for JSON."""
+        return {"adapter": "simulator"}
+
     def _block(self, number: int) -> list[Message]:
         n = self._samples
         plan = self._guard.begin_block(self.plant.sample, n, self._conditions())

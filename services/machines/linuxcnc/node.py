@@ -44,7 +44,7 @@ class LinuxcncNode(MachineNode):
     link
         To the bridge; the control is on and homed.
     program
-        Part program that is started when the guard is armed for the first time; None: somebody else does that.
+        Part program that is started with the first block; None: somebody else does that.
     """
 
     def __init__(self, case: Case, seed: int, run: str, link: Link, program: str | None = None) -> None:
@@ -59,7 +59,7 @@ class LinuxcncNode(MachineNode):
         self._refs = np.zeros((2, self._samples))
         self._sent = np.zeros((2, self._samples))
         self._rows: list[Row] = []
-        self._ran = self._tripped = self._held = False
+        self._ran = self._tripped = self._held = self._begun = False
         self._asked: tuple[float, int] | None = None
         self._moves: tuple[float, float] | None = None
 
@@ -147,28 +147,36 @@ class LinuxcncNode(MachineNode):
                 return
 
     def _arm(self, request: OperatorRequest) -> list[Message]:
-        """Let the bridge clear and arm the offsets first; only by an operator, with the tools out of the cut."""
-        why = self._link.unready() or ("the tools are in the cut" if self._in_cut else "")
-        if why:
-            return [self._event("request_rejected", f"'arm': {why}")]
-        self._link.ask("arm")
+        """Let the bridge clear and arm the offsets again; only by an operator, with the tools out of the cut."""
+        if self._link.answered:
+            why = self._link.unready() or ("the tools are in the cut" if self._in_cut else "")
+            if why:
+                return [self._event("request_rejected", f"'arm': {why}")]
+            self._link.ask("arm")
         self._waiting = request
         return []
 
     def _go_on_arming(self) -> list[Message]:
-        request, link = self._waiting, self._link
-        if request is None or not (link.answered or self._lost()):
+        """Arm the offsets before the first block, start the program then, and see to what waits for that."""
+        link = self._link
+        if not self._begun and link.last is not None:
+            self._begun = True
+            if not link.last.fault:
+                link.ask("arm")
+        if not (link.answered or self._lost()):
             return []
-        self._waiting = None
+        if link.armed and self._program is not None:
+            link.control("run")
+            self._program = None
+        request, self._waiting = self._waiting, None
+        if request is None:
+            return []
         if not link.armed:
             why = "the bridge has ended" if self._lost() else link.status["why"] or link.status["bridge"]
             return [self._event("request_rejected", f"'arm': LinuxCNC: {why}")]
         self._guard.stand((0.0, 0.0, 0.0))
         self._base, self._tripped = None, False
         self._guard.request(request)
-        if self._program is not None:
-            self._link.control("run")
-            self._program = None
         return self._notices(request.sequence)
 
     def _event(self, kind: str, text: str) -> Event:
@@ -196,7 +204,7 @@ class LinuxcncNode(MachineNode):
 
     def _blocked(self) -> str:
         status = self._link.status
-        if not self._link.armed:
+        if not self._link.armed and self._begun:
             return "the offsets of LinuxCNC are not armed"
         return "no program runs on LinuxCNC any more" if self._ran and status["program"] == "idle" else ""
 

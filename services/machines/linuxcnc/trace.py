@@ -6,6 +6,7 @@ import csv
 import pathlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -65,3 +66,38 @@ def read_trace(path: pathlib.Path) -> dict[str, Floats]:
     """Return the columns of a trace by name."""
     values = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
     return {name: values[:, k] for k, name in enumerate(COLUMNS)} if values.size else {}
+
+
+SETTLED_MM = 5e-3
+QUIET_CYCLES = 200
+"""A move of the turret begins when the request changes after so many servo cycles of rest."""
+
+
+def judge_trace(trace: dict[str, Floats], machine: dict[str, Any]) -> dict[str, Any]:
+    """Return how well the control followed: settling of each move, difference at rest, feed during moves.
+
+    Parameters
+    ----------
+    trace
+        As `read_trace` returns it.
+    machine
+        What the machine said at its end; for the time from a command to the first motion of a joint.
+    """
+    if not trace:
+        return {}
+    asked, applied = (np.array([trace[f"{kind}_{axis}1_mm"] for axis in "xy"]) for kind in ("requested", "applied"))
+    moving = np.flatnonzero(np.abs(np.diff(asked[1])) > 0.0)
+    starts = [int(k) for n, k in enumerate(moving) if n == 0 or k - moving[n - 1] > QUIET_CYCLES]
+    off = np.abs(applied - asked).max(axis=0)
+    settled, rest = [], []
+    for start, end in zip(starts, [*starts, off.size - 1][1:], strict=False):
+        goal = asked[:, end - 1 if end < off.size - 1 else end, None]
+        away = np.abs(applied[:, start:end] - goal).max(axis=0) > SETTLED_MM
+        settled.append(1e-3 * (int(np.flatnonzero(away)[-1]) + 1 if away.any() else 0))
+        rest.append(1e3 * float(off[end - 1]))
+    motion = machine.get("first_motion_ms") or []
+    return {
+        "adapter": "linuxcnc", "linuxcnc": machine.get("linuxcnc"), "servo_cycles": int(off.size),
+        "moves_linuxcnc": len(starts), "settled_s": settled, "rest_um": rest,
+        "first_motion_ms": float(np.median(motion)) if motion else None, "faults": int(np.any(trace["fault"])),
+    }  # fmt: skip

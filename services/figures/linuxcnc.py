@@ -1,0 +1,120 @@
+"""How LinuxCNC moved the turret: requested, applied and simulated on one time axis."""
+
+# pyright: reportUnknownMemberType=false
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from services.figures.style import (
+    ALARM,
+    CONTROLLED,
+    INK,
+    MUTED,
+    SHIFT,
+    TWIN,
+    new_figure,
+    say,
+    say_nothing,
+    slice_of,
+    styled,
+)
+from services.messages import Floats
+
+AXES = (("x1", "slide X1 (mm)"), ("y1", "slide Y1 (mm)"))
+BEFORE_S, AFTER_S = 0.08, 0.45
+
+
+@styled
+def linuxcnc_figure(trace: Mapping[str, Floats]) -> Figure:
+    """Draw both slides, what is left between request and motion, and the feed; whole and close up."""
+    figure = new_figure(12.4, 8.6)
+    grid = figure.subplots(4, 2, sharex="col", width_ratios=[1.25, 1.0], height_ratios=[1.5, 1.5, 1.0, 1.0])
+    grid[0, 0].set_title("LinuxCNC moves the turret")
+    if not trace or trace["time_s"].size < 2:
+        say_nothing(grid[0, 0], "nothing recorded")
+        return figure
+    time_s = trace["time_s"]
+    close, words = close_up(trace)
+    grid[0, 1].set_title(words)
+    for column, window in enumerate(((float(time_s[0]), float(time_s[-1])), close)):
+        panels: list[Axes] = list(grid[:, column])
+        panels[0].set_xlim(*window)
+        panels[-1].set_xlabel("time (s)")
+        for axes, (name, label) in zip(panels, AXES, strict=False):
+            _draw_slide(axes, trace, name, window)
+            axes.set_ylabel(label if column == 0 else "")
+        _draw_left(panels[2], trace, window)
+        _draw_feed(panels[3], trace, window)
+        _draw_fault(panels, trace)
+    grid[2, 0].set_ylabel("applied minus\nrequested (µm)")
+    grid[3, 0].set_ylabel("feed (mm/s)")
+    _name_lines(grid[1, 1], trace, close)
+    return figure
+
+
+def close_up(trace: Mapping[str, Floats]) -> tuple[tuple[float, float], str]:
+    """Return the time (s) around the fault, or else around the first move, and what it is called."""
+    time_s = trace["time_s"]
+    fault, move = np.flatnonzero(trace["fault"] > 0.5), np.flatnonzero(np.diff(trace["requested_y1_mm"]))
+    words = "Around the fault" if fault.size else "The first move" if move.size else "The end"
+    at = float(time_s[int((fault if fault.size else move if move.size else np.array([time_s.size - 1]))[0])])
+    before = 3.0 * BEFORE_S if fault.size else BEFORE_S
+    return (max(at - before, float(time_s[0])), min(at + AFTER_S, float(time_s[-1]))), words
+
+
+def write_linuxcnc_figure(trace: Mapping[str, Floats], path: Path) -> Path:
+    """Write the figure as PNG and return where it is."""
+    linuxcnc_figure(trace).savefig(path, metadata={"Software": None})
+    return path
+
+
+def _draw_slide(axes: Axes, trace: Mapping[str, Floats], name: str, window: tuple[float, float]) -> None:
+    part = slice_of(trace["time_s"], window)
+    time_s = trace["time_s"][part]
+    axes.plot(time_s, trace[f"simulated_{name}_mm"][part], color=TWIN, linewidth=2.4, alpha=0.75)
+    axes.plot(time_s, trace[f"applied_{name}_mm"][part], color=CONTROLLED, linewidth=1.4)
+    axes.plot(time_s, trace[f"requested_{name}_mm"][part], color=INK, linewidth=1.2, linestyle=(0, (4, 2)))
+
+
+def _draw_left(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, float]) -> None:
+    part = slice_of(trace["time_s"], window)
+    for (name, _), colour in zip(AXES, (SHIFT, MUTED), strict=True):
+        left = 1e3 * (trace[f"applied_{name}_mm"] - trace[f"requested_{name}_mm"])[part]
+        axes.plot(trace["time_s"][part], left, color=colour, linewidth=1.2)
+
+
+def _draw_feed(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, float]) -> None:
+    """Draw the speed of the feed axis over 20 servo cycles, by their count."""
+    span = 20
+    if trace["cycle"].size <= span:
+        return
+    cycles = trace["cycle"][span:] - trace["cycle"][:-span]
+    speed = -(trace["feed_mm"][span:] - trace["feed_mm"][:-span]) / (1e-3 * np.maximum(cycles, 1.0))
+    time_s = trace["time_s"][span:]
+    part = slice_of(time_s, window)
+    axes.plot(time_s[part], speed[part], color=CONTROLLED, linewidth=1.2)
+    axes.set_ylim(-0.12 * max(float(speed.max()), 1.0), 1.25 * max(float(speed.max()), 1.0))
+
+
+def _draw_fault(panels: list[Axes], trace: Mapping[str, Floats]) -> None:
+    fault = np.flatnonzero(trace["fault"] > 0.5)
+    if not fault.size:
+        return
+    begin, end = (float(trace["time_s"][int(k)]) for k in (fault[0], fault[-1]))
+    for axes in panels:
+        axes.axvspan(begin, end, color="#f6e8ef", linewidth=0, zorder=0)
+    say(panels[0], begin, 0.93, " fault latched", ALARM, transform=panels[0].get_xaxis_transform(), fontsize=9)
+
+
+def _name_lines(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, float]) -> None:
+    names = (("requested (dashed)", INK), ("applied by LinuxCNC", CONTROLLED), ("simulated slide", TWIN))
+    falls = trace["applied_y1_mm"][-1] < 0.0
+    for k, (word, colour) in enumerate(names):
+        height = (0.9 if falls else 0.34) - 0.13 * k
+        say(axes, window[1], height, word + " ", colour, ha="right", fontsize=9, transform=axes.get_xaxis_transform())
