@@ -16,8 +16,8 @@ CAPTIONS = {
     "linuxcnc": (
         "Who moved the turret.",
         "Requested by the guard, applied by LinuxCNC and reached by the simulated slides, on one time axis. The motion "
-        "is that of LinuxCNC's own controller through its external offsets, read back in every servo cycle; its drives, "
-        "the bar and the cut are simulated.",
+        "is that of LinuxCNC's own controller through its external offsets, read back in every servo cycle; its "
+        "drives, the bar and the cut are simulated.",
     ),
     "spectrograms": (
         "The cutting force, as it would sound.",

@@ -24,7 +24,7 @@ def init(
     case: CaseOption = "thesis-652",
     angle_deg: Annotated[
         float | None,
-        typer.Option("--angle-deg", help="Between the two axes: 90 if the control hides the skew (default: the case's)."),
+        typer.Option("--angle-deg", help="Between the two axes: 90 if the control hides the skew."),
     ] = None,
     as_json: JsonFlag = False,
 ) -> None:

@@ -84,7 +84,9 @@ def _draw_slide(axes: Axes, trace: Mapping[str, Floats], name: str, window: tupl
 
 def _draw_left(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, float]) -> None:
     part = slice_of(trace["time_s"], window)
-    for (name, _), colour in zip(AXES, (SHIFT, MUTED), strict=True):
+    for (name, _), colour, height in zip(AXES, (SHIFT, MUTED), (0.84, 0.14), strict=True):
+        where = {"transform": axes.get_xaxis_transform(), "ha": "right", "fontsize": 9}
+        say(axes, window[1], height, name.upper() + " ", colour, **where)
         left = 1e3 * (trace[f"applied_{name}_mm"] - trace[f"requested_{name}_mm"])[part]
         axes.plot(trace["time_s"][part], left, color=colour, linewidth=1.2)
 

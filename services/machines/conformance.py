@@ -89,9 +89,12 @@ class Trial:
 
     def _keep(self, messages: list[Message]) -> None:
         for message in messages:
-            for kind, kept in ((MachineState, self.states), (SampleBlock, self.servo), (Event, self.events)):
-                if isinstance(message, kind):
-                    kept.append(message)
+            if isinstance(message, MachineState):
+                self.states.append(message)
+            elif isinstance(message, SampleBlock):
+                self.servo.append(message)
+            elif isinstance(message, Event):
+                self.events.append(message)
 
 
 def conformance(machine: Machine, case: Case, pace: Callable[[], None] = lambda: None) -> list[Finding]:
@@ -169,12 +172,12 @@ def _moves(trial: Trial, see: See) -> None:
 
 def _refuses(trial: Trial, case: Case, see: See) -> None:
     before = trial.state.commands_rejected
-    wrong = (
+    wrong: tuple[dict[str, Any], ...] = (
         {"shift_deg": 2.0 * math.degrees(case.limits.target)}, {"shift_deg": math.nan}, {"run": "another"},
         {"source": "somebody"}, {"session": "stale"}, {"expires_at_sample": 0},
     )  # fmt: skip
     for change in wrong:
-        trial.command(**({"shift_deg": 0.5} | change))
+        trial.command(change.get("shift_deg", 0.5), **{k: v for k, v in change.items() if k != "shift_deg"})
     trial.tick(10, GOAL_DEG)
     rejected = trial.state.commands_rejected - before
     still = abs(trial.state.shift_applied_deg - GOAL_DEG) < NEAR_DEG

@@ -29,7 +29,7 @@ PINS = {"x": "ask-1", "y": "ask-2", "beat": "beat", "arm": "arm", "ack": "ack", 
 PREFIX = "antiphase-"
 LOOP_S, SAY_S, STATUS_S = 0.001, 0.004, 0.01
 MOST_POINTS, MOST_AHEAD_S, MOST_UNREAD = 100, 0.002, 1 << 20
-REST_MM, ARMING_S = 1e-6, 3.0
+REST_MM, ARMING_S, CYCLES = 1e-6, 3.0, 5
 CONTROL = ("estop", "estop_reset", "on", "off", "home", "load", "run", "abort", "manual")
 
 
@@ -69,10 +69,10 @@ class Bridge:
         self._stream = hal.stream(self._pins, hal.sampler_base, ROW)
         self._stat, self._command = linuxcnc.stat(), linuxcnc.command()
         self._points = deque()
-        self._rest((0.0, 0.0))
+        self._rest((self._pins["x"], self._pins["y"]))
         self._heard, self._tripped = None, False
         self._steps = self._done = self._row = None
-        self._until, self.asked = 0.0, 0
+        self._until, self._from, self.asked = 0.0, 0, 0
         self._beat, self._polled, self._said = False, -math.inf, -math.inf
         self.rows, self.status, self.rejected, self.state, self.why = [], {}, 0, "idle", ""
 
@@ -95,8 +95,9 @@ class Bridge:
             pins.exit()
             raise Refused(f"LinuxCNC runs without antiphase.hal: it has no signal {', '.join(missing)}")
         for name, signal in PINS.items():
+            # request and arm stay as they were left: if a bridge died, the watchdog shall see that
+            pins[name] = hal.get_value(signal) if name in ("x", "y", "arm") else False
             hal.connect(f"{PREFIX}{os.getpid()}.{name}", signal)
-            pins[name] = 0.0 if name in "xy" else False
         return pins
 
     def hear(self, line):
@@ -115,7 +116,7 @@ class Bridge:
     def _do_move(self, x, y, over_s):
         if not 0 < len(x) == len(y) <= MOST_POINTS or not 0 < over_s <= 1:
             raise ValueError
-        points = [(float(a), float(b)) for a, b in zip(x, y)]
+        points = [(float(a), float(b)) for a, b in zip(x, y, strict=True)]
         if not all(math.isfinite(a) and math.isfinite(b) for a, b in points):
             raise ValueError
         now = self._heard = self._now()
@@ -174,7 +175,12 @@ class Bridge:
         self._tripped = False
         self.state, self.why, self._until = "arming", "", self._now() + ARMING_S
         self._steps = sequence()
-        self._done = next(self._steps)
+        self._next()
+
+    def _next(self):
+        """Go to the next step; only cycles after it can say that it is done."""
+        self._step, self._done = next(self._steps, ("", None))
+        self._from = self._row[0] if self._row else 0
 
     def _rest(self, point):
         """Forget the path and stay at a point."""
@@ -185,22 +191,22 @@ class Bridge:
         """Yield until each step of the sequence is done; what it waits for is seen in the servo thread."""
         pins = self._pins
         pins["arm"] = pins["ack"] = False
-        yield lambda row: not any(map(abs, (row[k] for k in BOUNDED)))
+        yield "request at 0", lambda row: not any(row[k] for k in BOUNDED)
         pins["clear"] = pins["arm"] = True
-        yield lambda row: row[RUN]
+        yield "watchdog", lambda row: row[RUN]
         pins["ack"] = True
-        yield lambda row: not row[FAULT]
+        yield "fault taken back", lambda row: not row[FAULT]
         pins["ack"] = False
-        yield lambda row: all(abs(row[k]) < REST_MM for k in APPLIED)
+        yield "offset at 0", lambda row: all(abs(row[k]) < REST_MM for k in APPLIED)
         pins["clear"] = False
         self.state = "armed"
 
     def _disarming(self):
         pins = self._pins
         pins["clear"] = True
-        yield lambda row: row[FAULT] or all(abs(row[k]) < REST_MM for k in APPLIED)
+        yield "offset at 0", lambda row: row[FAULT] or all(abs(row[k]) < REST_MM for k in APPLIED)
         pins["arm"] = False
-        yield lambda row: not row[RUN]
+        yield "let go", lambda row: not row[RUN]
         pins["clear"] = False
         self.state = "idle"
 
@@ -214,7 +220,8 @@ class Bridge:
         self._advance(now, len(self.rows) > new)
         self._play(now)
         arming = self.state == "arming"
-        if arming or (self._heard is not None and now - self._heard < self._fresh and not self._tripped):
+        fresh = self._heard is not None and now - self._heard < self._fresh
+        if arming or (self.state == "armed" and fresh and not self._tripped):
             self._beat = not self._beat
             self._pins["beat"] = self._beat
         if now - self._polled >= STATUS_S:
@@ -231,10 +238,10 @@ class Bridge:
         if self.state != "arming":
             return
         if self._until < now:
-            self.state, self.why = "refused", f"the servo thread did not follow within {ARMING_S:g} s"
+            self.state, self.why = "refused", f"no '{self._step}' in the servo thread within {ARMING_S:g} s"
             self._pins["arm"] = False
-        elif seen and self._done(self._row):
-            self._done = next(self._steps, None)
+        elif seen and self._row[0] >= self._from + CYCLES and self._done(self._row):
+            self._next()
 
     def _play(self, now):
         """Set the request to where the path is now, on a straight line between two points."""
@@ -244,7 +251,7 @@ class Bridge:
         if self._points:
             until, goal = self._points[0]
             share = min(1.0, max(0.0, (now - begin) / (until - begin)))
-            here = tuple(a + share * (b - a) for a, b in zip(here, goal))
+            here = tuple(a + share * (b - a) for a, b in zip(here, goal, strict=True))
         self._here = here
         self._pins["x"], self._pins["y"] = here
 
@@ -276,7 +283,7 @@ def main(arguments):
     try:
         bridge = Bridge(hal, linuxcnc, float(arguments[0]))
     except (Refused, hal.error, linuxcnc.error, RuntimeError) as error:
-        print(json.dumps({"refused": str(error) or "LinuxCNC does not answer"}), flush=True)
+        os.write(1, json.dumps({"refused": str(error) or "LinuxCNC does not answer"}).encode() + b"\n")
         return 3
     os.set_blocking(0, False)
     os.set_blocking(1, False)

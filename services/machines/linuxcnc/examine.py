@@ -26,7 +26,7 @@ def examine_linuxcnc(folder: pathlib.Path) -> list[Finding]:
     except InputError as error:
         return [*found, _finding("ini", str(error), "")]
     missing = missing_lines(settings)
-    lack = f"{len(missing)} lines are missing, the first: {missing[0]} (compare `antiphase linuxcnc init`)" if missing else ""
+    lack = f"{len(missing)} lines missing, first: {missing[0]} (compare `antiphase linuxcnc init`)" if missing else ""
     return [
         *found,
         _finding("ini", "", str(settings.path)),

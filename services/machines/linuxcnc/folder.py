@@ -1,4 +1,4 @@
-"""A folder with everything that LinuxCNC needs to be shifted: written by `antiphase linuxcnc init`, checked by `doctor`."""
+"""A folder with everything that LinuxCNC needs to be shifted: `antiphase linuxcnc init` writes, `doctor` checks it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.machines.linuxcnc.settings import Settings, ini_path, load_setting
 TEMPLATES = files("services.machines.linuxcnc") / "template"
 FILES = ("lathe.ini", "motion.hal", "antiphase.hal", "drives.hal", "headless.py", "turn.ngc", "tool.tbl", "lathe.var")
 TRAVEL_MM = 200.0
-RATIO = 0.2
+RATIO = "0.2"
 
 
 def init_folder(folder: pathlib.Path, case: Case, angle_deg: float | None = None) -> list[pathlib.Path]:
@@ -64,7 +64,7 @@ def compose(case: Case, angle: float) -> dict[str, str]:
         "feed": f"{60e3 * cutting.feed_per_rev * cutting.spindle_hz:g}",
     }  # fmt: skip
     axes = "".join(
-        fill("axis.part", letter=letter, number=str(k), low=f"-{TRAVEL_MM:g}", high=f"{TRAVEL_MM:g}", ratio=f"{RATIO:g}")
+        fill("axis.part", letter=letter, number=str(k), low=f"{-TRAVEL_MM:g}", high=f"{TRAVEL_MM:g}", ratio=RATIO)
         for k, letter in enumerate("XYZ")
     )
     return {

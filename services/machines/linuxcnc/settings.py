@@ -52,8 +52,8 @@ class Axis:
             return ""
         near, limit = ("MIN", self.soft_low_mm) if low < self.soft_low_mm else ("MAX", self.soft_high_mm)
         return (
-            f"axis {self.letter} stands at {position_mm:.3f} mm: with an offset of {self.low_mm:g}..{self.high_mm:g} mm "
-            f"and {clearance_mm:g} mm of room it comes too near [AXIS_{self.letter}]{near}_LIMIT = {limit:g}; "
+            f"axis {self.letter} stands at {position_mm:.3f} mm: an offset of {self.low_mm:g}..{self.high_mm:g} mm "
+            f"with {clearance_mm:g} mm of room comes too near [AXIS_{self.letter}]{near}_LIMIT = {limit:g}; "
             "move it away, or narrow the bounds in [ANTIPHASE]"
         )
 
@@ -161,7 +161,7 @@ def load_settings(folder: pathlib.Path) -> Settings:
         raise InputError(f"[{OURS}]ANGLE_DEG", ini[OURS]["ANGLE_DEG"], "in 10..170, or the axes are nearly parallel")
     watchdog, fresh = (_positive(ini, OURS, name) for name in ("WATCHDOG_S", "FRESH_S"))
     if watchdog > 1.0 or fresh > 1.0:
-        raise InputError(f"[{OURS}]WATCHDOG_S", watchdog, "at most 1 s, and FRESH_S too: nobody holds the offset so long")
+        raise InputError(f"[{OURS}]WATCHDOG_S", watchdog, "at most 1 s, and FRESH_S too")
     _positive(ini, OURS, "SPEED_MM_PER_S")
     _positive(ini, OURS, "ACCELERATION_MM_PER_S2")
     return Settings(
@@ -194,8 +194,9 @@ def _axis(ini: Ini, letter: str, number: int) -> Axis:
     ratio = _number(ini, section, "OFFSET_AV_RATIO")
     if not 0.0 < ratio <= 0.9:
         raise InputError(
-            f"[{section}]OFFSET_AV_RATIO", ratio, "above 0 and at most 0.9: the share of speed and acceleration that is "
-            "kept for the offset (0.2 is usual); with 0 the control takes no offset on this axis",
+            f"[{section}]OFFSET_AV_RATIO", ratio,
+            "above 0 and at most 0.9, the share of speed and acceleration that is kept for the offset (0.2 is usual); "
+            "with 0 the control takes no offset on this axis",
         )  # fmt: skip
     sign, low, high = (_number(ini, OURS, f"{name}_{number}{unit}") for name, unit in _BOUNDS)
     if sign not in (1.0, -1.0):
@@ -205,7 +206,7 @@ def _axis(ini: Ini, letter: str, number: int) -> Axis:
     soft = _number(ini, section, "MIN_LIMIT"), _number(ini, section, "MAX_LIMIT")
     room = _number(ini, OURS, "CLEARANCE_MM")
     if soft[1] - soft[0] < high - low + 2.0 * room:
-        raise InputError(f"[{section}]MIN_LIMIT, MAX_LIMIT", soft, f"wider than the offset {low:g}..{high:g} mm with room")
+        raise InputError(f"[{section}]MIN_LIMIT, MAX_LIMIT", soft, f"wider than {low:g}..{high:g} mm with room")
     return Axis(
         letter=letter, joint=_letters(ini).index(letter), sign=int(sign), low_mm=low, high_mm=high,
         soft_low_mm=soft[0], soft_high_mm=soft[1],
