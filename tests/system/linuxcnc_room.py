@@ -182,12 +182,13 @@ def killed(rig):
 
 
 def tripped(rig):
-    """The guard gives up: it lets the beat stop."""
+    """The guard gives up in mid-move, at the speed of the path: it lets the beat stop."""
     rig.arm("feed")
-    rig.keep(0.3, 0.4)
+    rig.keep(0.3, -1.1)
     cycle, began = rig.rows[-1].cycle, time.monotonic()
     rig.link.tell(do="trip")
-    rig.keep(0.4, 0.4)
+    for step in range(48):
+        rig.keep(0.005, -1.1 + 0.046 * step)
     return rig.fault(began, cycle)
 
 
@@ -276,6 +277,11 @@ def faults(out=None):
     told = {}
     with lathe() as folder, Control(load_settings(folder)) as control:
         rig = Rig(folder, control)
+        told["off_at_start"] = rig.link.unready()
+        for name in ("estop_reset", "on"):
+            rig.link.control(name)
+            rig.keep(0.1)
+        rig.until(lambda: rig.link.status["enabled"])
         told["not_homed"] = rig.link.unready()
         rig.link.bring_up()
         for name, scene in SCENES.items():
@@ -378,8 +384,9 @@ def summary_of(tape, states, trace: Trace, killed_at):
     return {
         "detected": any(r.state == "chatter" for r in tape.of(ChatterReport)),
         "at_end": [r.state for r in tape.of(ChatterReport)[-20:]],
-        "shift_deg": states[killed_at - 1].shift_applied_deg, "states": [s.guard_state for s in states[killed_at:]],
-        "reason": states[-1].reason, "latched": bool(values["fault"][-1]), "before": bool(values["fault"][before].any()),
+        "shift_deg": states[killed_at - 1].shift_applied_deg,
+        "states": sorted({state.guard_state for state in states[killed_at:]}), "reason": states[-1].reason,
+        "latched": bool(values["fault"][-1]), "before": bool(values["fault"][before].any()),
         "drift_um": float(1e3 * np.ptp(frozen)) if frozen.size else None,
         "feed_mm": float(values["feed_mm"][before][-1]), "homed": states[-1].homed,
     }  # fmt: skip

@@ -180,6 +180,7 @@ class Bridge:
     def _next(self):
         """Go to the next step; only cycles after it can say that it is done."""
         self._step, self._done = next(self._steps, ("", None))
+        self._drain()
         self._from = self._row[0] if self._row else 0
 
     def _rest(self, point):
@@ -213,11 +214,8 @@ class Bridge:
     def turn(self):
         """Do what is due now."""
         now = self._now()
-        new = len(self.rows)
-        while self._stream.readable:
-            values = self._stream.read()
-            self.rows.append((self._stream.sampleno, *values))
-        self._advance(now, len(self.rows) > new)
+        self._drain()
+        self._advance(now)
         self._play(now)
         arming = self.state == "arming"
         fresh = self._heard is not None and now - self._heard < self._fresh
@@ -228,10 +226,15 @@ class Bridge:
             self._polled = now
             self._look()
 
-    def _advance(self, now, seen):
+    def _drain(self):
+        """Take all cycles that were sampled until now."""
+        while self._stream.readable:
+            values = self._stream.read()
+            self._row = (self._stream.sampleno, *values)
+            self.rows.append(self._row)
+
+    def _advance(self, now):
         """Go on with a sequence when the last row says that its step is done."""
-        if self.rows:
-            self._row = self.rows[-1]
         if self.state == "armed" and self._row is not None and self._row[FAULT]:
             self.state, self.why = "fault", ""
             self._rest(self._here)
@@ -240,7 +243,7 @@ class Bridge:
         if self._until < now:
             self.state, self.why = "refused", f"no '{self._step}' in the servo thread within {ARMING_S:g} s"
             self._pins["arm"] = False
-        elif seen and self._row[0] >= self._from + CYCLES and self._done(self._row):
+        elif self._row is not None and self._row[0] >= self._from + CYCLES and self._done(self._row):
             self._next()
 
     def _play(self, now):

@@ -62,8 +62,11 @@ def _processes() -> list[int]:
 
 
 def _name(pid: int) -> str:
+    """Return what a process is called, empty if it is gone or only waits to be forgotten."""
     with contextlib.suppress(OSError):
-        return pathlib.Path(f"/proc/{pid}/comm").read_text(encoding="utf-8").strip()
+        words = pathlib.Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+        name, _, rest = words.partition("(")[2].rpartition(")")
+        return "" if rest.split()[0] in "ZX" else name
     return ""
 
 
