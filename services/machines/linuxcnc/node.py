@@ -22,7 +22,7 @@ from services.machines.linuxcnc.link import Link, Row
 from services.machines.linuxcnc.settings import PATH_SPEED_DEG_PER_S
 from services.machines.linuxcnc.trace import Trace
 from services.messages import Event, Floats, MachineState, Message, OperatorRequest, Tick, TurretCommand
-from services.nodes.machine import SOURCE, MachineNode
+from services.nodes.machine import SOURCE, MachineNode, Panel
 from turning_sim import PlantBlock
 
 CLOCK = WallClock()
@@ -187,12 +187,11 @@ class LinuxcncNode(MachineNode):
         )  # fmt: skip
 
     def _conditions(self) -> Conditions:
+        """Return what the guard is told: the panel is that of LinuxCNC, measured is what it applies."""
         status = self._link.status
         self._ran = self._ran or status["program"] == "runs"
-        return replace(
-            super()._conditions(), homed=self._link.homed(), feed_hold=status["paused"], measured=self._applied(),
-            blocked=self._blocked(), failed=self._failed(),
-        )  # fmt: skip
+        self.panel = Panel(homed=self._link.homed(), feed_hold=status["paused"], blocked=self._blocked())
+        return replace(super()._conditions(), measured=self._applied(), failed=self._failed())
 
     def _applied(self) -> Floats:
         """Return where LinuxCNC has the turret: shift (rad), x1, y1 (m)."""
@@ -263,7 +262,6 @@ class LinuxcncNode(MachineNode):
         return [
             msgspec.structs.replace(
                 state, shift_applied_deg=math.degrees(shift), slide_x1_um=1e6 * float(x1), slide_y1_um=1e6 * float(y1),
-                homed=self._link.homed(),
             ) if isinstance(state, MachineState) else state
             for state in super()._state(number, plant)
         ]  # fmt: skip
