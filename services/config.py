@@ -37,8 +37,9 @@ class Case:
         Parameters of the decision.
     foresight
         What the controller believes of bar and cut (`pitch.ProcessBelief`), None when nothing.
-    job, room
-        Passes without action, and what must not come near to each other; None when the file says nothing.
+    job, room, learned
+        Passes without action, what must not come near to each other, and limits that the monitor has learned before;
+        None when the file says nothing.
     text, digest
         The resolved file as JSON, and its SHA-256.
     """
@@ -57,6 +58,7 @@ class Case:
     foresight: Any
     job: Any
     room: Any
+    learned: Any
     text: str
     digest: str
 

@@ -122,7 +122,6 @@ _FORESIGHT = {
 }
 _ROOM: dict[str, str] = dict.fromkeys(("turret1_envelope", "turret2_envelope", "least_clearance"), "mm")
 _OPTIONAL = "belief.process"
-_MAY_LACK = ("job", "clearance")
 _COMMON = ("sample_rate_hz", "axis_angle")
 _SPEEDS = {"spindle_hz_min": "spindle_speed_min", "spindle_hz_max": "spindle_speed_max"}
 
@@ -163,10 +162,12 @@ def _decision() -> dict[str, Section]:
     from pitch import PlannerConfig, ProcessBelief, TrajectoryLimits
     from services.guard_limits import GuardLimits
     from services.job import Job, Room
+    from services.learned import UNITS, Learned
 
     return {
         "job": Section(kind=Job, units={}, renamed={"pass_kind": "pass"}),
         "clearance": Section(kind=Room, units=_ROOM),
+        "learned": Section(kind=Learned, units=UNITS),
         "limits": Section(kind=GuardLimits, units=_LIMITS, given=_COMMON, renamed=_SPEEDS),
         "path": Section(kind=TrajectoryLimits, units=_PATH),
         "monitor": Section(kind=MonitorConfig, units=_MONITOR),
@@ -211,6 +212,7 @@ def build(tables: Mapping[str, Any]) -> dict[str, Any]:
         "planner": part("planner", **common),
         "foresight": part(_OPTIONAL) if "process" in tables["belief"] else None,
         "job": part("job") if "job" in tables else None,
+        "learned": part("learned") if "learned" in tables else None,
         "room": part("clearance") if "clearance" in tables else None,
     }
     _agree(parts)

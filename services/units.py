@@ -27,6 +27,8 @@ SI: dict[str, float] = {
     "per_min": 1.0 / 60.0,
     "per_h": 1.0 / 3600.0,
     "n": 1.0,
+    "n2": 1.0,
+    "n4": 1.0,
     "n_per_m": 1.0,
     "n_s_per_m": 1.0,
     "n_m_per_rad": 1.0,

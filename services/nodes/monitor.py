@@ -11,6 +11,7 @@ from chatter.input_check import InputCheck
 from chatter.limits import LearnedLevel
 from chatter.monitor import MonitorState
 from services.config import Case
+from services.errors import InputError
 from services.estimator import estimated_force, force_observer
 from services.messages import ChatterReport, Event, Floats, ForceBlock, Message, ReportedLine, SampleBlock
 
@@ -51,6 +52,11 @@ class MonitorNode:
         self._state = ""
         self._events = 0
         self.blocks_lost = 0
+        if case.learned is not None:
+            try:
+                self.restore(case.learned.snapshot())
+            except ValueError as error:
+                raise InputError("learned", None, f"learned with this band and window ({error})") from error
 
     def prepare(self) -> None:
         """Compile the kernels."""

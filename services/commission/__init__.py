@@ -1,0 +1,1 @@
+"""Commissioning of a machine, step by step."""
