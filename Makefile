@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 CONSTRAINTS := $(if $(CI),-c .ci/constraints.txt,)
 
-.PHONY: demo test lint bench soak faults clean
+.PHONY: demo test lint bench soak faults mutants fuzz clean
 
 demo: $(STAMP)
 	$(BIN)/antiphase demo thesis-652 --out runs/thesis-652
@@ -28,6 +28,14 @@ soak: $(STAMP)
 # ten thousand bad days of the closed loop
 faults: $(STAMP)
 	$(BIN)/antiphase faults --runs 10000 --out runs/faults
+
+# mistakes put into the guard, one at a time: do its tests notice?
+mutants: $(STAMP)
+	$(BIN)/python -m tests.mutation.run --out runs/mutants
+
+# a million bent inputs at everything that reads bytes
+fuzz: $(STAMP)
+	$(BIN)/python -m tests.fuzz.run --runs 1000000
 
 # peers that only the benchmarks need; where one does not install, or has no C compiler, the tables go without it
 $(VENV)/.bench: $(STAMP)

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import pathlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import h5py
@@ -14,6 +14,7 @@ import numpy as np
 
 from services.errors import InputError
 from services.importers.arrays import Contents, recording_of
+from services.importers.hdf5_heap import check_heaps
 from services.importers.recording import Recording
 from services.importers.room import CHUNK_ROWS, IN_MEMORY_BYTES, room, slices, watched
 
@@ -21,6 +22,8 @@ _BROKEN = (OSError, ValueError, TypeError, KeyError, RuntimeError, IndexError, U
 _UNIT_NAMES = ("unit", "units", "unit_string", "Unit", "Units")
 _MOST_ITEMS = 4096
 _DEEPEST = 12
+_LONGEST_NOTE = 1 << 16
+"""Bytes of the longest attribute that is read: rates and units are short."""
 
 
 def is_hdf5(path: pathlib.Path) -> bool:
@@ -32,6 +35,7 @@ def read_hdf5(path: pathlib.Path, rate_hz: float | None, wanted: Sequence[str]) 
     """Read `path`; groups, references and compound types are walked, their parts have dotted names."""
     contents = Contents()
     try:
+        check_heaps(path)
         with h5py.File(str(path), "r") as file:
             _attributes("", file.attrs, contents)
             _walk("", file, file, contents, 0)
@@ -111,8 +115,11 @@ def _class_of(item: Any) -> str:
     return kind.decode() if isinstance(kind, bytes) else str(kind)
 
 
-def _attributes(name: str, attributes: Mapping[str, Any], contents: Contents) -> None:
-    for key, value in attributes.items():
+def _attributes(name: str, attributes: Any, contents: Contents) -> None:
+    for key in attributes:
+        if attributes.get_id(key).get_storage_size() > _LONGEST_NOTE:
+            continue
+        value = attributes[key]
         word = value.decode("utf-8", errors="replace") if isinstance(value, bytes) else value
         if key in _UNIT_NAMES and isinstance(word, str):
             contents.units[name] = word.strip()

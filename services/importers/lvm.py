@@ -108,7 +108,7 @@ def _blocks(
     at = [1 + every * k for k in range(count)]
     need = at[-1] + 1
     kept = [cells for cells in segment.rows if len(cells) > 1]
-    if len(kept[-1]) < need:
+    if kept and len(kept[-1]) < need:
         kept = kept[:-1]
         notes.append("the last row is not whole and was left out: the file ends early")
     table = np.array([[_value(cells[k], comma) if k < len(cells) else np.nan for k in at] for cells in kept])

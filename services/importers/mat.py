@@ -18,6 +18,7 @@ from scipy.io.matlab import MatReadError, MatReadWarning
 
 from services.errors import InputError
 from services.importers.arrays import Contents, recording_of
+from services.importers.mat_tags import check_tags
 from services.importers.recording import Recording
 
 _BROKEN = (
@@ -33,6 +34,7 @@ def read_mat(path: pathlib.Path, rate_hz: float | None, wanted: Sequence[str]) -
         warnings.simplefilter("ignore", MatReadWarning)
         warnings.simplefilter("ignore", UserWarning)
         try:
+            check_tags(path)
             variables = loadmat(str(path), simplify_cells=True)
         except _BROKEN as error:
             damaged = f"a readable MAT file; it is damaged or ends early ({error})"

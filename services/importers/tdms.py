@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import pathlib
 import struct
 import warnings
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from nptdms import TdmsFile
+from nptdms.log import log_manager
 
 from services.errors import InputError
 from services.importers.arrays import Contents, recording_of
@@ -18,9 +20,10 @@ from services.importers.recording import Recording
 from services.importers.room import room, watched
 
 _BROKEN = (OSError, ValueError, TypeError, KeyError, IndexError, EOFError, AttributeError, OverflowError,
-           UnicodeError, MemoryError, struct.error)  # fmt: skip
+           UnicodeError, MemoryError, NotImplementedError, struct.error)  # fmt: skip
 _UNITS = ("unit_string", "NI_UnitDescription", "Unit", "unit", "Units", "units")
 _LARGE = 1 << 24
+log_manager.set_level(logging.CRITICAL)  # it logs the bytes of damaged files to the terminal
 
 
 def read_tdms(path: pathlib.Path, rate_hz: float | None, wanted: Sequence[str]) -> Recording:
