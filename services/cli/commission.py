@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import pathlib
 import sys
+from functools import partial
 from typing import Annotated
 
 import typer
 
-from services.cli.app import JsonFlag, Seed, app, console, emit, writable_folder
+from services.cli.app import Adapter, JsonFlag, LinuxcncDir, Seed, app, console, emit, writable_folder
 from services.config import load_case
 from services.errors import InputError
 
@@ -31,14 +32,19 @@ def commission(
     sweep_band: Annotated[
         str | None, typer.Option("--sweep-band", help="Frequencies of these sweeps, LO:HI (Hz); default: 5:1000.")
     ] = None,
+    adapter: Adapter = "simulator",
+    linuxcnc: LinuxcncDir = None,
     seed: Seed = None,
     as_json: JsonFlag = False,
 ) -> None:
     """Bring a machine up: signs, idle run, identification, limits, dry run, advice, armed. Writes its TOML."""
+    from services.cli.linuxcnc import paced
     from services.cli.recordings import parse_band
     from services.commission.course import Course
     from services.commission.drives import BAND_HZ
+    from services.commission.lockstep import Place
     from services.commission.steps import Step
+    from services.machines.adapters import Choice, open_machine
 
     if out is None:
         raise InputError("out", None, "a folder that keeps what is found: a commissioning may take days")
@@ -58,7 +64,9 @@ def commission(
 
     folder = writable_folder(out) or pathlib.Path()
     band = parse_band(sweep_band, load_case(case).settings.sample_rate_hz) or BAND_HZ
-    course = Course(name=case, folder=folder, seed=seed, sweeps=sweeps, band_hz=band)
+    choice = Choice(adapter=adapter, folder=linuxcnc)
+    place = Place(make=partial(open_machine, choice), pace=paced()) if adapter != "simulator" else Place()
+    course = Course(name=case, folder=folder, seed=seed, sweeps=sweeps, band_hz=band, place=place)
     answer = course.answer(course.go(step or (), ask, say))
     left = "the machine is armed" if answer["next"] is None else f"next: {answer['next']}"
     lines = [f"{row['name']:12}{row['state']}" for row in answer["steps"]]

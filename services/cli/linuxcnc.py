@@ -50,13 +50,13 @@ def conform(
 
     config = load_case(case)
     with open_machine(Choice(adapter=adapter, folder=linuxcnc), config, seed or config.settings.seed, RUN) as node:
-        found = conformance(node, config, _pace() if adapter == "linuxcnc" else lambda: None)
+        found = conformance(node, config, paced() if adapter == "linuxcnc" else lambda: None)
     lines = [f"{'ok  ' if f.ok else 'FAIL'}  {f.name:32} {f.detail}" for f in found]
     emit({"adapter": adapter, "checks": [asdict(f) for f in found]}, "\n".join(lines), as_json)
     return 0 if all(f.ok for f in found) else 1
 
 
-def _pace() -> Callable[[], None]:
+def paced() -> Callable[[], None]:
     """Return what waits for the next 10 ms; when it is late by more than a block, the schedule moves."""
     from services.messages import BLOCK_S
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from services.commission.drives import BAND_HZ
-from services.commission.lockstep import MakeMachine, simulated
+from services.commission.lockstep import Place
 from services.commission.state import MACHINE, STATE, Done, State, load_state, save_state, write_machine
 from services.commission.steps import NAMES, STEPS, Bench, Step
 from services.config import Case, load_case
@@ -32,8 +32,8 @@ class Course:
         Of the simulated machine; None for the case's.
     sweeps
         Files with swept sines, by axis.
-    make
-        Makes the machine.
+    place
+        Where the machine is.
     band_hz
         Of the swept sines in files (Hz).
     """
@@ -42,7 +42,7 @@ class Course:
     folder: pathlib.Path
     seed: int | None
     sweeps: dict[str, pathlib.Path]
-    make: MakeMachine = simulated
+    place: Place = Place()
     band_hz: tuple[float, float] = BAND_HZ
 
     def begin(self) -> State:
@@ -96,7 +96,7 @@ class Course:
         case = self.case()
         seed = case.settings.seed if self.seed is None else self.seed
         try:
-            bench = Bench(case=case, seed=seed, make=self.make, sweeps=self.sweeps, band_hz=self.band_hz)
+            bench = Bench(case=case, seed=seed, place=self.place, sweeps=self.sweeps, band_hz=self.band_hz)
             done = step.do(bench)
         except RefusalError as error:
             done = Done(good=False, words=[error.reason])

@@ -10,6 +10,8 @@ from services.messages import Floats
 
 SILENT, SAME = 0.05, 0.1
 """Share of the expected travel below which a channel is silent, and within which it as it should be."""
+CLEAR, PIECES = 0.5, 10
+"""Mean over root mean square of a thrust along its motion from which its sign is clear, taken over so many pieces."""
 LEAST_M = 1e-5
 """Travel that an axis must be asked for before anything can be said of it (m)."""
 AXES = ("x1", "y1")
@@ -70,26 +72,29 @@ def _judged(channel: str, moved: float, own: float, others: float, other: str) -
     return Finding(channel=channel, wrong=wrong, ratio=ratio)
 
 
-def check_thrusts(thrust: dict[str, Floats], velocity: dict[str, Floats]) -> list[Finding]:
-    """Judge every thrust by the work that it does on the way: against friction it is positive.
+def check_thrusts(out: dict[str, Floats], back: dict[str, Floats], expected: dict[str, float]) -> list[Finding]:
+    """Judge every thrust by its sign on the way out and on the way back: it works against friction.
 
     Parameters
     ----------
-    thrust
-        Of each axis (N), shape (n,), by names such as `x1_thrust`.
-    velocity
-        That is asked of each axis (m/s), shape (n,).
+    out, back
+        Of each axis on both ways (N), shape (n,), by names such as `x1_thrust`.
+    expected
+        Travel of each axis on the way out (m).
     """
     found: list[Finding] = []
     for axis in AXES:
-        channel, v = f"{axis}_thrust", velocity[axis]
-        u = thrust[channel] - np.mean(thrust[channel])
-        if float(np.abs(v).max(initial=0.0)) == 0.0:
+        channel, asked = f"{axis}_thrust", expected[axis]
+        if abs(asked) < LEAST_M:
             found.append(Finding(channel=channel, wrong=None, ratio=None))
             continue
-        size = float(np.sqrt(np.mean(u**2) * np.mean(v**2)))
-        ratio = float(np.mean(u * v)) / size if size > 0.0 else 0.0
-        wrong = "" if ratio > SAME else "is reversed" if ratio < -SAME else "is silent, or not the thrust of this axis"
+        both = [np.array([part.mean() for part in np.array_split(way[channel], PIECES)]) for way in (out, back)]
+        level = 0.5 * (both[0].mean() + both[1].mean())
+        with_motion = np.sign(asked) * np.concatenate([both[0] - level, level - both[1]])
+        size = float(np.sqrt(np.mean(with_motion**2)))
+        ratio = float(with_motion.mean()) / size if size > 0.0 else 0.0
+        unclear = "is silent, or not the thrust of this axis"
+        wrong = "" if ratio > CLEAR else "is reversed" if ratio < -CLEAR else unclear
         found.append(Finding(channel=channel, wrong=wrong, ratio=ratio))
     if all(one.wrong == "is reversed" for one in found):
         found = [

@@ -12,7 +12,7 @@ import numpy as np
 
 from pitch import slide_set_points
 from services.commission.drives import BAND_HZ, believed, recorded, swept
-from services.commission.lockstep import Lockstep, MakeMachine, simulated
+from services.commission.lockstep import GRANTED_S, Lockstep, Place
 from services.commission.signs import check_positions, check_thrusts
 from services.commission.state import Done
 from services.config import Case, replaced
@@ -22,7 +22,7 @@ from services.tape import Tape
 
 TEST_SHIFT = 0.1e-3
 """Along the surface (m)."""
-OUT_S, BACK_S, END_S = 0.4, 1.6, 2.4
+OUT_S, BACK_S, END_S, WAY_S = 0.4, 1.6, 2.4, 0.5
 IDLE_S, QUIET_S, DRY_S, CUT_S = 3.0, 4.0, 1.0, 3.0
 QUIET_SHARE = 0.1
 STILL_DEG = 0.02
@@ -41,8 +41,8 @@ class Bench:
         Of the simulated machine.
     sweeps
         Files with swept sines, by axis; the simulated drive is swept where there is none.
-    make
-        Makes the machine.
+    place
+        Where the machine is.
     band_hz
         Of the swept sines in files (Hz).
     """
@@ -51,7 +51,7 @@ class Bench:
     seed: int
     sweeps: dict[str, pathlib.Path]
     band_hz: tuple[float, float] = BAND_HZ
-    make: MakeMachine = simulated
+    place: Place = Place()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,35 +76,32 @@ class Step:
 
 def check_signs(bench: Bench) -> Done:
     """Shift turret 1 by 0.1 mm in air and back, and judge every channel."""
-    case, seconds = bench.case, END_S
+    case = bench.case
     shift = math.asin(TEST_SHIFT / (0.5 * case.workpiece.cutting_diameter))
     away = (math.degrees(shift), round(OUT_S / BLOCK_S), round(BACK_S / BLOCK_S))
-    in_air = replaced(case, settings=replace(case.settings, air_time=seconds + 1.0))
-    loop = Lockstep(in_air, bench.seed, bench.make, test_shift=away)
-    loop.ask("arm")
-    tape = loop.go(seconds)
-    if (why := _not_followed(tape, away[1])) is not None:
+    in_air = replaced(case, settings=replace(case.settings, air_time=END_S + GRANTED_S + 1.0))
+    with Lockstep(in_air, bench.seed, bench.place, test_shift=away) as loop:
+        tape = loop.go(END_S) if loop.reach("arm") else loop.tape
+    armed = None if loop.shifter is None else loop.shifter.armed
+    why = _held(tape) if armed is None else _not_followed(tape, armed + away[1])
+    if armed is None or why is not None:
         return Done(good=False, words=[f"turret 1 did not make the test shift: {why}"])
     rate = case.settings.sample_rate_hz
-    before, there = slice(round(0.1 * rate), round(OUT_S * rate)), slice(round(1.2 * rate), round(BACK_S * rate))
+
+    def between(start_s: float, stop_s: float) -> slice:
+        return slice(round((armed * BLOCK_S + start_s) * rate), round((armed * BLOCK_S + stop_s) * rate))
+
+    before, there = between(0.1, OUT_S), between(1.2, BACK_S)
+    out, back = between(OUT_S, OUT_S + WAY_S), between(BACK_S, BACK_S + WAY_S)
     names = [f"{axis}_{kind}_m" for axis in ("x1", "y1") for kind in ("motor_position", "stage_position")]
     series = {name.removesuffix("_m"): tape.series(SampleBlock, name) for name in names}
     travel = {name: float(np.mean(x[there]) - np.mean(x[before])) for name, x in series.items()}
     asked = slide_set_points(shift, case.workpiece.cutting_diameter, case.drives.axis_angle)
     expected: dict[str, float] = {"x1": float(asked[0]), "y1": float(asked[1])}
-    way = slice(round(OUT_S * rate), round((OUT_S + 0.5) * rate))
-    velocity = _speeds(tape, expected, rate, way)
-    thrust = {f"{axis}_thrust": tape.series(SampleBlock, f"{axis}_thrust_n")[way] for axis in ("x1", "y1")}
-    found = [*check_positions(travel, expected), *check_thrusts(thrust, velocity)]
+    thrust = {f"{axis}_thrust": tape.series(SampleBlock, f"{axis}_thrust_n") for axis in ("x1", "y1")}
+    gone, come = ({name: x[way] for name, x in thrust.items()} for way in (out, back))
+    found = [*check_positions(travel, expected), *check_thrusts(gone, come, expected)]
     return Done(good=not any(one.wrong for one in found), words=[one.words() for one in found])
-
-
-def _speeds(tape: Tape, expected: dict[str, float], rate: float, way: slice) -> dict[str, Any]:
-    """Return the speed that each axis should have on the way: that of the shift, by the share of each axis (m/s)."""
-    offset = tape.series(SampleBlock, "dy1p_um")
-    shape = np.gradient(offset / max(float(np.abs(offset).max()), 1e-12)) * rate
-    smooth = np.convolve(shape, np.full(45, 1.0 / 45.0), mode="same")
-    return {axis: value * smooth[way] for axis, value in expected.items()}
 
 
 def _not_followed(tape: Tape, block: int) -> str | None:
@@ -113,18 +110,25 @@ def _not_followed(tape: Tape, block: int) -> str | None:
     if any(s.guard_state == "FAULT" for s in states):
         return next(s.reason for s in states if s.guard_state == "FAULT")
     if all(abs(s.shift_requested_deg) < STILL_DEG for s in states[block:]):
-        events: list[Event] = tape.of(Event)
-        held = [event.text for event in events if event.kind in ("frozen", "request_rejected")]
-        return "; ".join(dict.fromkeys(held)) or states[-1].reason or "the guard let nothing through"
+        return _held(tape)
     return None
+
+
+def _held(tape: Tape) -> str:
+    """Return what the guard said against moving."""
+    events: list[Event] = tape.of(Event)
+    held = [event.text for event in events if event.kind in ("frozen", "request_rejected")]
+    states: list[MachineState] = tape.of(MachineState)
+    last = states[-1].reason if states else ""
+    return "; ".join(dict.fromkeys(held)) or last or "the guard let nothing through"
 
 
 def run_idle(bench: Bench) -> Done:
     """Listen in air, and learn the limits there."""
     case = bench.case
     in_air = replaced(case, settings=replace(case.settings, air_time=IDLE_S + 1.0))
-    loop = Lockstep(in_air, bench.seed, bench.make)
-    reports: list[ChatterReport] = loop.go(IDLE_S).of(ChatterReport)
+    with Lockstep(in_air, bench.seed, bench.place) as loop:
+        reports: list[ChatterReport] = loop.go(IDLE_S).of(ChatterReport)
     last = reports[-1]
     wrong = [r for r in reports if r.state in ("chatter", "invalid", "gap") or r.in_cut]
     words = [
@@ -155,9 +159,9 @@ def learn_quiet(bench: Bench) -> Done:
     """Cut quietly, and learn the limits of air and cut. The simulated machine takes a tenth of the chip's stiffness."""
     from services.linear_theory import with_stiffness
 
-    loop = Lockstep(with_stiffness(bench.case, QUIET_SHARE), bench.seed, bench.make)
     air = bench.case.settings.air_time
-    reports: list[ChatterReport] = loop.go(air + QUIET_S).of(ChatterReport)
+    with Lockstep(with_stiffness(bench.case, QUIET_SHARE), bench.seed, bench.place) as loop:
+        reports: list[ChatterReport] = loop.go(air + QUIET_S).of(ChatterReport)
     last = reports[-1]
     loud = [r for r in reports if r.state == "chatter"]
     words = [
@@ -184,9 +188,9 @@ def _keys_of(learned: Learned) -> dict[str, Any]:
 
 def run_dry(bench: Bench) -> Done:
     """Cut with the guard in dry run: commands come and are judged, nothing moves."""
-    loop = Lockstep(bench.case, bench.seed, bench.make)
-    loop.ask("dry_run")
-    tape = loop.go(bench.case.settings.air_time + DRY_S)
+    with Lockstep(bench.case, bench.seed, bench.place) as loop:
+        loop.reach("dry_run")
+        tape = loop.go(bench.case.settings.air_time + DRY_S)
     last: MachineState = tape.of(MachineState)[-1]
     moved = _moved(tape)
     good = last.guard_state == "ARMED" and last.commands_accepted > 0 and last.commands_rejected == 0
@@ -201,8 +205,8 @@ def run_dry(bench: Bench) -> Done:
 
 def advise_cut(bench: Bench) -> Done:
     """Cut with a controller that only advises."""
-    loop = Lockstep(bench.case, bench.seed, bench.make, advise_only=True)
-    tape = loop.go(bench.case.settings.air_time + CUT_S)
+    with Lockstep(bench.case, bench.seed, bench.place, advise_only=True) as loop:
+        tape = loop.go(bench.case.settings.air_time + CUT_S)
     said = [event.text for event in tape.of(Event) if event.kind == ADVICE]
     moved, commands = _moved(tape), len(tape.of(TurretCommand))
     words = said or ["the cut stayed quiet: nothing was advised"]
@@ -212,9 +216,9 @@ def advise_cut(bench: Bench) -> Done:
 
 def arm(bench: Bench) -> Done:
     """Cut with everything armed."""
-    loop = Lockstep(bench.case, bench.seed, bench.make)
-    loop.ask("arm")
-    tape = loop.go(bench.case.settings.air_time + CUT_S)
+    with Lockstep(bench.case, bench.seed, bench.place) as loop:
+        loop.reach("arm")
+        tape = loop.go(bench.case.settings.air_time + CUT_S)
     last: MachineState = tape.of(MachineState)[-1]
     reports: list[ChatterReport] = tape.of(ChatterReport)
     first = next((r for r in reports if r.state == "chatter"), None)
@@ -224,6 +228,8 @@ def arm(bench: Bench) -> Done:
         f"{heard}; turret 1 at {last.shift_applied_deg:.2f} deg; {'quiet' if quiet else 'still loud'} at the end",
         f"guard {last.guard_state}, {last.commands_rejected} commands rejected",
     ]
+    states: list[MachineState] = tape.of(MachineState)
+    words += list(dict.fromkeys(state.reason for state in states if state.guard_state == "FAULT"))
     return Done(good=quiet and last.guard_state == "ACTIVE", words=words)
 
 

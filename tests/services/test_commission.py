@@ -3,21 +3,26 @@
 import json
 import math
 import pathlib
+from contextlib import AbstractContextManager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from services.cli import app
 from services.closed_loop import Loop
 from services.commission import course as courses
 from services.commission.course import Course
 from services.commission.drives import swept
+from services.commission.lockstep import Place
 from services.commission.signs import check_positions, check_thrusts
 from services.commission.state import Done
 from services.commission.steps import NAMES, STEPS, Bench, Step, check_signs
 from services.config import load_case
 from services.errors import InputError, RefusalError
-from services.messages import ChatterReport, MachineState, SampleBlock
+from services.messages import ChatterReport, MachineState, OperatorRequest, SampleBlock, Tick
 from services.nodes.machine import MachineNode
 from services.nodes.monitor import MonitorNode
 from tests.closed_loop.test_loop import CountingClock
@@ -95,11 +100,14 @@ def test_what_was_learned_fits_only_its_band(armed):
 def with_fault(fault):
     """A machine whose channels are changed on the way out."""
 
-    class Faulty:
+    class Faulty(AbstractContextManager):
         subscribes = MachineNode.subscribes
 
         def __init__(self, case, seed, run):
             self._node = MachineNode(case, seed, run)
+
+        def __exit__(self, *_):
+            """Nothing was started."""
 
         def prepare(self):
             self._node.prepare()
@@ -131,7 +139,7 @@ def with_fault(fault):
     ],
 )  # fmt: skip
 def test_wrong_channels_are_named(fault, words):
-    done = check_signs(Bench(case=load_case("thesis-652"), seed=1, sweeps={}, make=with_fault(fault)))
+    done = check_signs(Bench(case=load_case("thesis-652"), seed=1, sweeps={}, place=Place(make=with_fault(fault))))
     assert not done.good
     wrong = [word for word in done.words if "as it should be" not in word]
     assert all(any(found.startswith(word) for found in wrong) for word in words)
@@ -144,9 +152,21 @@ def test_an_axis_that_hardly_moves_is_not_judged():
     }  # fmt: skip
     found = check_positions(travel, {"x1": 4e-7, "y1": 1e-4})
     assert [one.wrong for one in found] == [None, None, "", "is not a number"]
-    still = {"x1": np.zeros(9), "y1": np.linspace(0, 1, 9)}
-    thrust = {"x1_thrust": np.ones(9), "y1_thrust": np.ones(9)}
-    assert [one.wrong for one in check_thrusts(thrust, still)] == [None, "is silent, or not the thrust of this axis"]
+    thrust = {"x1_thrust": np.ones(90), "y1_thrust": np.ones(90)}
+    found = check_thrusts(thrust, thrust, {"x1": 4e-7, "y1": 1e-4})
+    assert [one.wrong for one in found] == [None, "is silent, or not the thrust of this axis"]
+
+
+@given(st.integers(0, 2**31))
+def test_noise_has_no_sign_and_a_bias_hides_none(seed):
+    """Ten thousand samples of noise, and friction of a tenth of that noise on an axis that hangs."""
+    rng = np.random.default_rng(seed)
+    out, back = ({f"{a}_thrust": rng.standard_normal(4500) for a in ("x1", "y1")} for _ in range(2))
+    out["x1_thrust"] += 50.0 - 0.1
+    back["x1_thrust"] += 50.0 + 0.1
+    found = check_thrusts(out, back, {"x1": -1e-4, "y1": 1e-4})
+    assert found[0].wrong == ""
+    assert abs(found[1].ratio) < 0.9
 
 
 def test_a_machine_that_may_not_move_in_air_says_so(tmp_path):
@@ -214,6 +234,43 @@ def test_a_step_may_be_repeated_and_what_stands_on_it_is_open_again(tmp_path, mo
         course.go(("arm",), yes, said)
     with pytest.raises(RefusalError, match="quiet was not allowed; everything before it is kept"):
         course.go((), lambda step: step.name != "quiet", said)
+
+
+def test_a_guard_that_takes_its_time_to_arm_is_waited_for():
+    """A request is heard after 1.2 s only; the test shift begins when the guard is armed."""
+
+    class Slow(AbstractContextManager):
+        subscribes = MachineNode.subscribes
+
+        def __init__(self, case, seed, run):
+            self._node, self._late = MachineNode(case, seed, run), None
+
+        def __exit__(self, *_):
+            """Nothing was started."""
+
+        def prepare(self):
+            self._node.prepare()
+
+        def handle(self, message):
+            if isinstance(message, OperatorRequest):
+                self._late = message
+                return []
+            if isinstance(message, Tick) and message.block == 120:
+                self._node.handle(self._late)
+            return self._node.handle(message)
+
+    done = check_signs(Bench(case=load_case("thesis-652"), seed=1, sweeps={}, place=Place(make=Slow)))
+    assert done.good, done.words
+
+
+def test_on_a_terminal_it_asks_before_anything_moves(tmp_path, capsys, monkeypatch):
+    asked = []
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setattr("typer.confirm", lambda text, err: asked.append(text) or len(asked) == 1)
+    code, answer = answer_of(capsys, "thesis-652", "--out", tmp_path)
+    assert code == 3
+    assert answer["reason"] == "idle was not allowed; everything before it is kept"
+    assert [row["state"] for row in answer["steps"]][:2] == ["done", "open"]
 
 
 def test_a_loud_cut_teaches_nothing(tmp_path, monkeypatch):
