@@ -18,12 +18,12 @@ def test_one_monitor_and_one_controller_serve_three_machines(tmp_path):
         router = start("router", "--listen", endpoint, "--json")
         assert until(lambda: "endpoint" in router.said())
         followers = [start(verb, *named, "--connect", endpoint, "--json") for verb in ("monitor", "controller")]
+        spies = [Spy(endpoint, name) for name in MACHINES]
         lathes = [
             start("machine", "--machine", name, "--connect", endpoint, "--duration-s", "1.5", "--seed", str(seed),
                   "--arm-after-s", "0", "--json")
             for seed, name in enumerate(MACHINES)
         ]  # fmt: skip
-        spies = [Spy(endpoint, name) for name in MACHINES]
         for lathe in lathes:
             assert lathe.popen.wait(90.0) == 0, lathe.told()
         for spy in spies:

@@ -109,6 +109,7 @@ def test_a_recording_goes_back_onto_a_bus_and_is_recorded_again(tmp_path, record
         bus = stack.enter_context(ZenohBus.client("copy", router.endpoint))
         writer = stack.enter_context(McapRecorder(path, {}))
         recorder = BusRecorder(bus, writer, {}, clock=clock, say=lambda _: None)
+        assert until(lambda: "recorder" in router.alive())  # its subscription came before its sign of life
         serve_recorded_config(recorded[0], router)
         _, messages = stretch(recorded[0], stop_s=2.0)
         played = publish(messages, router, clock, StopSignal(), 20.0)
