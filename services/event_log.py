@@ -19,6 +19,25 @@ ROOM = 100_000
 """Lines that may wait for the disk; what comes beyond is counted, and the count is written."""
 
 
+def _sync_folder(folder: pathlib.Path) -> None:
+    """Hand the name of a new file to the disk too."""
+    with contextlib.suppress(OSError):  # not every file system can
+        number = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
+
+
+def _torn(path: pathlib.Path) -> bool:
+    """Whether a file ends within a line, because whoever wrote it was killed: the next line must not hang on to it."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return False
+    with path.open("rb") as file:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) != b"\n"
+
+
 class EventLog:
     """Appends lines from a thread of its own and hands them to the disk at once: the machine never waits for it.
 
@@ -37,6 +56,9 @@ class EventLog:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self._file = path.open("ab")
+            _sync_folder(path.parent)
+            if _torn(path):
+                self._file.write(b"\n")
         except OSError as error:
             raise InputError("event-log", str(path), f"a file that can be appended to ({error.strerror})") from error
         self.path, self.failure = path, ""

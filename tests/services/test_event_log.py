@@ -1,6 +1,7 @@
 """The audit log: appended line by line, complete after a crash, never in the way of the machine."""
 
 import json
+import os
 import pathlib
 import subprocess
 import sys
@@ -46,6 +47,61 @@ def test_a_killed_process_leaves_what_it_told(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], check=False)
     assert done.returncode == -9
     assert len(path.read_text().splitlines()) == 50
+
+
+WRITER = """
+import itertools, pathlib, sys
+from services.config import load_case
+from services.event_log import EventLog
+from tests.services.test_event_log import event
+log = EventLog(pathlib.Path(sys.argv[1]))
+start = log._file.tell()
+log.begin(load_case("thesis-652"), "r")
+for number in itertools.count():
+    log.write(event(number))
+    if number % 100 == 0 and log._file.tell() > start + 200_000:
+        print(flush=True)
+"""
+
+
+def test_killed_while_it_writes_every_line_but_the_last_is_whole(tmp_path):
+    path, whole = tmp_path / "events.jsonl", 0
+    for _ in range(2):
+        with subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE) as writer:
+            assert writer.stdout.readline() == b"\n"
+            writer.kill()
+        assert writer.returncode == -9
+        lines = path.read_bytes().splitlines(keepends=True)
+        told = [json.loads(line) for line in lines[whole:] if line.endswith(b"\n") and line.strip()]
+        assert "limits" in told[0], "also after a line that was torn"
+        assert [line["sequence"] for line in told[1:]] == list(range(len(told) - 1))
+        assert len(told) > 500
+        whole = len(lines)
+
+
+def test_what_was_torn_stays_alone_in_its_line(tmp_path):
+    path = tmp_path / "events.jsonl"
+    path.write_bytes(b'{"sequence": 1}\n{"sequen')
+    with EventLog(path) as log:
+        log.write(event(7))
+    lines = path.read_text().splitlines()
+    assert lines[:2] == ['{"sequence": 1}', '{"sequen']
+    assert json.loads(lines[2])["sequence"] == 7
+    with EventLog(path) as log:
+        log.write(event(8))
+    assert len(path.read_text().splitlines()) == 4
+
+
+def test_every_batch_is_synced_before_the_next_and_so_is_the_name_of_the_file(tmp_path, monkeypatch):
+    seen = []
+    real = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda number: seen.append(os.readlink(f"/proc/self/fd/{number}")) or real(number))
+    path = tmp_path / "events.jsonl"
+    with EventLog(path) as log:
+        log.write(event(1))
+    assert seen[0] == str(tmp_path)
+    assert seen[1:]
+    assert set(seen[1:]) == {str(path)}
 
 
 def test_a_full_disk_is_said_and_stops_nothing():
