@@ -37,7 +37,8 @@ mutants: $(STAMP)
 
 # a million bent inputs at everything that reads bytes
 fuzz: $(STAMP)
-	$(BIN)/python -m tests.fuzz.run --runs 1000000
+	-$(BIN)/pip install --quiet --disable-pip-version-check $(CONSTRAINTS) -e '.[fuzz]'
+	$(BIN)/python -m tests.fuzz.run --runs 1000000 --out runs/fuzz
 
 # peers that only the benchmarks need; where one does not install, or has no C compiler, the tables go without it
 $(VENV)/.bench: $(STAMP)

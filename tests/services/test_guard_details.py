@@ -18,6 +18,7 @@ STOPS = {
     "jerk": {},
     "acceleration": {"shift_acceleration": 3.0, "slide_acceleration": 0.03, "shift_jerk": 2e5, "slide_jerk": 2e3},
     "longest": {"shift_jerk": 1.0, "slide_jerk": 0.01},
+    "swinging": {"shift_speed": 0.05, "return_speed": 0.05, "slide_speed": 1e-3},
     "shortest": {"shift_jerk": 1e9, "slide_jerk": 1e8, "shift_acceleration": 1e5, "slide_acceleration": 1e4},
 }
 
@@ -357,3 +358,109 @@ def test_a_spindle_that_keeps_its_speed_and_one_that_does_not():
     assert said == ["", "", "", told, told, told, "", "", "", ""]
     assert spindle.unsettled(math.nan, 90) == told
     assert [spindle.unsettled(20.0, 90) for _ in range(4)] == [told, told, told, ""]
+
+
+def test_with_the_shortest_memory_the_differences_still_reach_back():
+    lim = limits(**WIDE | {"slide_jerk": 1e6, "interval": 1 / RATE})
+    size = 0.9 * INSIDE * 1e6 / RATE**3
+    for jerk, passes in ((size, True), (2.5 * size, False)):
+        envelope = resting(lim)
+        slow = np.cumsum(np.cumsum([jerk, 0.0, -jerk, 0.0]))
+        said = []
+        for value in slow:
+            points = np.zeros((3, 1))
+            points[1] = value
+            said.append(envelope.follow(points, 1, ANYWHERE))
+        assert (said[0] == "") is passes, said
+        assert any(why.startswith("jerk of x1") for why in said) is not passes
+
+
+def test_stop_says_nothing_where_nothing_runs():
+    rig = rig_in("OFF")
+    for request in ("stop", "disarm"):
+        rig.notices.clear()
+        assert rig.ask(request) == ""
+        rig.block()
+        assert rig.notices == []
+    rig = rig_in("FAULT")
+    rig.notices.clear()
+    rig.ask("stop")
+    rig.block()
+    assert rig.notices == []
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_at_rest_the_way_is_where_it_rests(sign):
+    """It came from zero, but a path that goes back there unasked is noticed at once."""
+    rig = Rig().active().run(80, sign * 2.8)
+    rig.mangle = lambda points: on_arc(points[0] - sign * 1e-3 * np.linspace(0, 1, points.shape[1]) ** 3)
+    rig.block()
+    assert rig.guard.state == "FAULT"
+    assert "way to its target" in rig.guard.reason
+
+
+def test_one_sample_before_rest_it_still_moves():
+    envelope, path = resting(LIMITS), SoundPath()
+    path.goal = 0.05
+    for _ in range(8):
+        assert envelope.follow(on_arc(path.advance(90)), 90, ANYWHERE) == ""
+    left = envelope._stop.shape[1]
+    envelope.hold(None, left - 1)
+    assert envelope.moving
+    rest = envelope.rest
+    envelope.hold(None, 1)
+    assert not envelope.moving
+    assert (envelope.position == rest).all()
+
+
+def test_a_session_begins_with_no_travel():
+    rig = Rig().active().run(60, 2.8)
+    assert (rig.guard._envelope.travel > 0.0).all()
+    rig.ask("disarm")
+    assert (rig.guard._envelope.travel == 0.0).all()
+
+
+def test_of_two_commands_to_come_each_applies_at_its_own_time():
+    rig = rig_in("ACTIVE")
+    now = rig.now
+    for shift_deg, due in ((2.0, 2 * BLOCK), (1.0, 6 * BLOCK)):
+        assert rig.say(shift_deg, apply_at_sample=now + due).accepted
+    targets = []
+    for _ in range(8):
+        rig.block()
+        targets.append(round(math.degrees(rig.guard.target), 9))
+    assert targets == [2.8, 2.8, 2.0, 2.0, 2.0, 2.0, 1.0, 1.0]
+
+
+def test_a_machine_that_was_moved_is_told_only_while_off_and_at_rest():
+    rig = rig_in("ACTIVE")
+    with pytest.raises(RuntimeError, match="stand must be said while OFF and at rest, not in ACTIVE"):
+        rig.guard.stand((0.0, 0.0, 0.0))
+    rig.run(14, -2.0)
+    rig.ask("stop")
+    assert rig.guard.moving
+    with pytest.raises(RuntimeError, match="not in OFF"):
+        rig.guard.stand((0.0, 0.0, 0.0))
+    rig.run(20)
+    place = on_arc(0.03)
+    rig.guard.stand(place)
+    np.testing.assert_array_equal(rig.guard.position, place)
+    assert rig.guard.target == rig.guard.requested == 0.03
+    for state in ("ARMED", "FAULT"):
+        with pytest.raises(RuntimeError, match=f"not in {state}"):
+            rig_in(state).guard.stand((0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match="within the limits"):
+        rig.guard.stand((1.0, 0.0, 0.0))
+
+
+def test_a_control_that_failed_is_a_fault_with_its_reason():
+    rig = rig_in("ACTIVE")
+    rig.conditions = {"failed": "the control does not answer"}
+    rig.block()
+    assert rig.guard.reason == "ACTIVE -> FAULT: the control does not answer"
+
+
+def test_before_the_first_block_it_is_sample_zero():
+    guard = Rig().guard
+    guard.request(OperatorRequest(run="run", source="operator", sequence=1, nonce="a", request="jump"))
+    assert [notice.sample for notice in guard.notices()] == [0]
