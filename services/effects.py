@@ -11,7 +11,7 @@ import numpy as np
 from services.alternatives import alternatives_of
 from services.config import Case
 from services.errors import InputError, RefusalError
-from services.messages import ADVICE
+from services.messages import ADVICE, BLOCK_S
 from services.record import RunRecord
 
 KEYS = (
@@ -93,11 +93,29 @@ def with_advice(case: Case, record: RunRecord) -> RunRecord:
     """Return the record with what its shift leaves on the part and what else could be done."""
     shift_deg = shift_of(record)
     effects = () if shift_deg is None else effect_rows(effects_of(case, math.radians(shift_deg)))
+    if shift_deg is not None and record.reports.shift_requested_deg.any():
+        effects = (*effects, _realised(record))
     try:
         other = alternatives_of(case).sentences()
     except (InputError, RefusalError, ArithmeticError) as error:
         other = (f"What else could be done is not known: {error}",)
     return replace(record, effects=effects, alternatives=other)
+
+
+def _realised(record: RunRecord) -> tuple[str, str, str]:
+    """Return how far off its arc tool 1 was, in means over blocks: at most on the way, and at the end."""
+    from pitch import TurretOffset, arc_position
+
+    block = round(BLOCK_S * record.sample_rate_hz)
+    whole = record.controlled.dx1_um.size // block * block
+    dx1, dy1p = (
+        1e-6 * series[:whole].reshape(-1, block).mean(axis=1)
+        for series in (record.controlled.dx1_um, record.controlled.dy1p_um)
+    )
+    off_um = 1e6 * arc_position(TurretOffset(dx1, dy1p), 1e-3 * record.diameter_mm).radial_deviation
+    worst = float(off_um[np.argmax(np.abs(off_um))])
+    meaning = "tool 1 off its arc in this run, at most and at the end; positive is shallower"
+    return ("Step, as the slides went", f"{worst:+.2f} and {off_um[-1]:+.2f} µm", meaning)
 
 
 def shift_of(record: RunRecord) -> float | None:

@@ -11,10 +11,12 @@ from services.cli import app
 from services.closed_loop import Loop
 from services.config import load_case
 from services.dashboard.facts import Facts
+from services.dashboard.view import View
 from services.effects import KEYS, effects_of
 from services.errors import InputError, RefusalError
 from services.messages import Event, MachineState
 from tests.closed_loop.test_loop import CountingClock
+from tests.services.dashboard_kit import HandClock, event, state
 
 
 def mine(tmp_path, text):
@@ -138,3 +140,22 @@ def test_the_dashboard_knows_the_effects():
     assert facts.effects(2.77)["mark_widths_um"] == pytest.approx([76.15, 73.85], abs=0.01)
     assert facts.effects(None) is None
     assert facts.effects(99.0) is None
+
+
+def test_the_dashboard_shows_what_is_advised_and_what_it_would_leave():
+    view = View(Facts.of(load_case("thesis-652")), HandClock())
+
+    def hear(message):
+        view.handle(message)
+        return view.state()
+
+    hear(state(0))
+    shown = hear(event(0, "not commanded: turret 1 to 2.77 deg", kind="advice", shift_deg=2.77))
+    assert shown["advice"].startswith("not commanded")
+    assert shown["advised_shift_deg"] == 2.77
+    assert shown["effects"]["shift_deg"] == pytest.approx(2.77)
+    assert hear(event(1, "another run", kind="advice", shift_deg=1.0, run="r2"))["advised_shift_deg"] == 2.77
+    assert hear(event(2, "nonsense", kind="advice", shift_deg=math.nan))["advised_shift_deg"] == 2.77
+    shown = hear(event(3, "gone", kind="advice_over"))
+    assert (shown["advice"], shown["advised_shift_deg"]) == (None, None)
+    assert shown["effects"]["shift_deg"] == 0.0
