@@ -79,7 +79,7 @@ def effect_rows(effects: dict[str, Any]) -> tuple[tuple[str, str, str], ...]:
         ("Diameter", f"≤ {effects['diameter_error_um']:.1f} µm", "behind the shift against before it"),
         ("Roundness", f"≤ {effects['roundness_error_um']:.1f} µm",
          f"in the {effects['move_turns']:.1f} turns of the spindle while turret 1 moves, not behind them"),
-        ("Rake of tool 1", f"{effects['rake_deg']:+.2f}°", "turned by the shift"),
+        ("Rake of tool 1", f"{effects['rake_deg']:+.2f}°".replace("-", "−"), "turned by the shift"),
     ]  # fmt: skip
     room = effects["clearance_mm"]
     if room is None:
@@ -113,9 +113,9 @@ def _realised(record: RunRecord) -> tuple[str, str, str]:
         for series in (record.controlled.dx1_um, record.controlled.dy1p_um)
     )
     off_um = 1e6 * arc_position(TurretOffset(dx1, dy1p), 1e-3 * record.diameter_mm).radial_deviation
-    worst = float(off_um[np.argmax(np.abs(off_um))])
+    worst, last = (round(float(off), 2) + 0.0 for off in (off_um[np.argmax(np.abs(off_um))], off_um[-1]))
     meaning = "tool 1 off its arc in this run, at most and at the end; positive is shallower"
-    return ("Step, as the slides went", f"{worst:+.2f} and {off_um[-1]:+.2f} µm", meaning)
+    return ("Step, as the slides went", f"{worst:+.2f} and {last:+.2f} µm".replace("-", "−"), meaning)
 
 
 def shift_of(record: RunRecord) -> float | None:

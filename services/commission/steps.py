@@ -17,7 +17,16 @@ from services.commission.signs import check_positions, check_thrusts
 from services.commission.state import Done
 from services.config import Case, replaced
 from services.learned import Learned
-from services.messages import ADVICE, BLOCK_S, ChatterReport, Event, MachineState, SampleBlock, TurretCommand
+from services.messages import (
+    ADVICE,
+    BLOCK_S,
+    ChatterReport,
+    Event,
+    ForceBlock,
+    MachineState,
+    SampleBlock,
+    TurretCommand,
+)
 from services.tape import Tape
 
 TEST_SHIFT = 0.1e-3
@@ -128,13 +137,17 @@ def run_idle(bench: Bench) -> Done:
     case = bench.case
     in_air = replaced(case, settings=replace(case.settings, air_time=IDLE_S + 1.0))
     with Lockstep(in_air, bench.seed, bench.place) as loop:
-        reports: list[ChatterReport] = loop.go(IDLE_S).of(ChatterReport)
+        tape = loop.go(IDLE_S)
+    reports: list[ChatterReport] = tape.of(ChatterReport)
+    settled = round(0.5 * case.settings.sample_rate_hz)
+    felt = [float(tape.series(ForceBlock, name)[settled:].mean()) for name in ("force_x1_n", "force_y1p_n")]
     last = reports[-1]
     wrong = [r for r in reports if r.state in ("chatter", "invalid", "gap") or r.in_cut]
     words = [
         f"in air the force shows {last.indicator:.3g} N in the band; limit {last.limit:.3g} N, {last.limit_source}",
         f"strongest line {max(r.line_n or 0.0 for r in reports):.3g} N; noise passes its limit "
         f"{last.false_alarms_per_h or 0.0:.2g} times an hour",
+        f"without cutting the slides feel {felt[0]:.2g} N along X1 and {felt[1]:.2g} N along Y1' on average",
     ]
     if wrong:
         words.append(f"{len(wrong)} blocks were no idling ({', '.join(sorted({r.state for r in wrong}))})")
