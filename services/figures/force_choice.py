@@ -20,7 +20,7 @@ GOOD = LinearSegmentedColormap.from_list("good", ["#0b63a5", "#a9cbdf", "#f3f5f6
 """Blue: the error is small against the force; vermilion: larger than it. Okabe and Ito, so all can tell them apart."""
 _NEEDS = {
     "load_side": "scale and motor encoder",
-    "standing": "both; stands, force above 100 Hz",
+    "standing": "both and current; motor that hunts",
     "blended": "both and current; idling run",
     "optimal": "both and current; what is uncertain",
     "vibration": "both and current",
