@@ -93,8 +93,8 @@ def with_advice(case: Case, record: RunRecord) -> RunRecord:
     """Return the record with what its shift leaves on the part and what else could be done."""
     shift_deg = shift_of(record)
     effects = () if shift_deg is None else effect_rows(effects_of(case, math.radians(shift_deg)))
-    if shift_deg is not None and record.reports.shift_requested_deg.any():
-        effects = (*effects, _realised(record))
+    if shift_deg is not None:
+        effects = (*effects, *_realised(record))
     try:
         other = alternatives_of(case).sentences()
     except (InputError, RefusalError, ArithmeticError) as error:
@@ -102,20 +102,23 @@ def with_advice(case: Case, record: RunRecord) -> RunRecord:
     return replace(record, effects=effects, alternatives=other)
 
 
-def _realised(record: RunRecord) -> tuple[str, str, str]:
+def _realised(record: RunRecord) -> tuple[tuple[str, str, str], ...]:
     """Return how far off its arc tool 1 was, in means over blocks: at most on the way, and at the end."""
     from pitch import TurretOffset, arc_position
 
     block = round(BLOCK_S * record.sample_rate_hz)
-    whole = record.controlled.dx1_um.size // block * block
+    known = np.isfinite(record.controlled.dx1_um) & np.isfinite(record.controlled.dy1p_um)
+    whole = np.count_nonzero(known) // block * block
+    if not whole or not np.isfinite(record.reports.shift_requested_deg).any():
+        return ()
     dx1, dy1p = (
-        1e-6 * series[:whole].reshape(-1, block).mean(axis=1)
+        1e-6 * series[known][:whole].reshape(-1, block).mean(axis=1)
         for series in (record.controlled.dx1_um, record.controlled.dy1p_um)
     )
     off_um = 1e6 * arc_position(TurretOffset(dx1, dy1p), 1e-3 * record.diameter_mm).radial_deviation
     worst, last = (round(float(off), 2) + 0.0 for off in (off_um[np.argmax(np.abs(off_um))], off_um[-1]))
     meaning = "tool 1 off its arc in this run, at most and at the end; positive is shallower"
-    return ("Step, as the slides went", f"{worst:+.2f} and {last:+.2f} µm".replace("-", "−"), meaning)
+    return (("Step, as the slides went", f"{worst:+.2f} and {last:+.2f} µm".replace("-", "−"), meaning),)
 
 
 def shift_of(record: RunRecord) -> float | None:

@@ -6,8 +6,9 @@ import math
 from html import escape
 from pathlib import Path
 
+from services.effects import with_advice
 from services.observed import Observed
-from services.report import NO_SAFETY, NOT_JUDGED, SIMULATED, limits
+from services.report import NO_SAFETY, NOT_JUDGED, SIMULATED, advice, limits
 from services.report_page import figures, folded, head, page, section, table
 from services.sentences import NOTHING, number, verdict
 
@@ -55,6 +56,13 @@ def write_recorded_report(observed: Observed, directory: Path) -> Path:
     return path
 
 
+def _advice(observed: Observed) -> str:
+    """Tell what the shift leaves on the part, and what else could be done, where the case is known."""
+    if observed.case is None:
+        return f"<p>{escape(NO_CONFIG)}</p>"
+    return advice(with_advice(observed.case, observed.record))
+
+
 def render_recorded(observed: Observed, directory: Path) -> str:
     """Compose the whole page; figures are read from `directory`, those missing are left out."""
     record, summary = observed.record, observed.summary
@@ -64,6 +72,7 @@ def render_recorded(observed: Observed, directory: Path) -> str:
             section("What was recorded", _recorded(observed)),
             section("What happened", figures(directory, CAPTIONS)),
             section("Every change", _changes(observed)),
+            section("Side effects and other ways", _advice(observed)),
             section("Limits in force", limits(record, summary) if observed.case else f"<p>{escape(NO_CONFIG)}</p>"),
             section("Configuration and versions", _configuration(observed)),
             section("What was not verified", _not_verified(observed)),

@@ -97,7 +97,7 @@ def render(record: RunRecord, summary: Summary, directory: Path) -> str:
             head(f"Run report · {record.case} · seed {record.seed}", record, summary),
             section("Key numbers", _numbers(record, summary)),
             section("What happened", figures(directory, CAPTIONS)),
-            *([section("Side effects and other ways", _advice(record))] if record.alternatives else []),
+            *([section("Side effects and other ways", advice(record))] if record.alternatives else []),
             section("Event log", _events(record)),
             section("Limits in force", limits(record, summary)),
             section("Configuration and versions", _configuration(record)),
@@ -185,7 +185,7 @@ def _numbers(record: RunRecord, summary: Summary) -> str:
     return f'<div class="card"><table class="numbers"><tbody>{"".join(lines)}</tbody></table></div>'
 
 
-def _advice(record: RunRecord) -> str:
+def advice(record: RunRecord) -> str:
     """Tell what the shift leaves on the part, and what else could be done."""
     lines = "".join(f"<li>{escape(sentence)}</li>" for sentence in record.alternatives)
     other = f"<p>What else could be done, by the belief about bar and cut and linear theory:</p>\n<ul>{lines}</ul>"
