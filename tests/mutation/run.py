@@ -87,7 +87,7 @@ class Bench:
             if not chosen or not mutant.scope:
                 self._found(mutant, "unreached")
                 continue
-            chosen.sort(key=lambda item: (-self._kills[item.nodeid], seconds[item.nodeid]))
+            chosen.sort(key=lambda item: (seconds[item.nodeid] + 0.003) / (self._kills[item.nodeid] + 0.1))
             number = forked(lambda chosen=chosen, mutant=mutant: self._survives(mutant, chosen, seconds))
             killer = chosen[number - 2].nodeid if number > 1 else ""
             self._kills[killer] += 1

@@ -464,3 +464,37 @@ def test_before_the_first_block_it_is_sample_zero():
     guard = Rig().guard
     guard.request(OperatorRequest(run="run", source="operator", sequence=1, nonce="a", request="jump"))
     assert [notice.sample for notice in guard.notices()] == [0]
+
+
+def test_the_stops_that_are_considered_for_many_machines():
+    rng = np.random.default_rng(3)
+    for _ in range(150):
+        v, a, j = 10.0 ** rng.uniform((-2.0, 0.5, 2.0), (0.0, 2.0, 4.0))
+        lim = limits(
+            shift_speed=v, return_speed=v, shift_acceleration=a, shift_jerk=j,
+            slide_speed=0.01 * v, slide_acceleration=0.01 * a, slide_jerk=0.01 * j,
+        )  # fmt: skip
+        lengths, length = [], 8.0
+        while length < 1.25 * longest_needed(lim) or not lengths:
+            lengths.append(round(length))
+            length *= 1.25
+        assert Envelope(lim, (0.0, 0.0, 0.0))._lengths.tolist() == [lengths]
+
+
+def test_words_of_freezing_and_of_the_operator():
+    rig = Rig(freeze_out_of_cut=True).active()
+    rig.conditions = {"in_cut": False}
+    rig.run(2, 0.0)
+    assert [notice.text for notice in rig.notices if notice.kind == "frozen"] == ["out of cut"]
+    rig = rig_in("FAULT")
+    rig.notices.clear()
+    rig.ask("reset")
+    rig.block()
+    assert [notice.text for notice in rig.notices] == ["FAULT -> OFF: operator: reset"]
+    assert Doorkeeper(LIMITS, "run", "controller", "operator").session == ""
+
+
+def test_a_following_error_of_exactly_the_limit_passes():
+    envelope = Envelope(limits(shift_following=2.0**-9), (0.0, 0.0, 0.0))
+    assert envelope.lags(np.array([2.0**-9, 0.0, 0.0])) == ""
+    assert "shift" in envelope.lags(np.array([2.0**-9 * (1 + 2.0**-40), 0.0, 0.0]))
