@@ -202,7 +202,7 @@ def main() -> int:
     log.write_text("".join(json.dumps(line) + "\n" for line in kept))
     done = {line["key"] for line in kept}
     tried = {line["key"] for line in before}
-    drawn = sorted((one for one in drawn if one.key not in done), key=lambda one: one.key in tried)
+    drawn = sorted((one for one in drawn if one.key not in done), key=lambda one: one.key not in tried)
 
     def found(mutant, result) -> None:
         with log.open("a") as file:
