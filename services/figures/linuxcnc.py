@@ -59,13 +59,24 @@ def linuxcnc_figure(trace: Mapping[str, Floats]) -> Figure:
 
 
 def close_up(trace: Mapping[str, Floats]) -> tuple[tuple[float, float], str]:
-    """Return the time (s) around the fault, or else around the first move, and what it is called."""
+    """Return the time (s) around the last fault, or else around the first move, and what it is called."""
     time_s = trace["time_s"]
-    fault, move = np.flatnonzero(trace["fault"] > 0.5), np.flatnonzero(np.diff(trace["requested_y1_mm"]))
+    fault, move = (np.array([begin for begin, _ in spans(trace)][-1:]), _moves(trace))
     words = "Around the fault" if fault.size else "The first move" if move.size else "The end"
     at = float(time_s[int((fault if fault.size else move if move.size else np.array([time_s.size - 1]))[0])])
     before = 3.0 * BEFORE_S if fault.size else BEFORE_S
     return (max(at - before, float(time_s[0])), min(at + AFTER_S, float(time_s[-1]))), words
+
+
+def spans(trace: Mapping[str, Floats]) -> list[tuple[int, int]]:
+    """Return the first and the last cycle of every latched fault."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0.0], trace["fault"] > 0.5, [0.0]))))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _moves(trace: Mapping[str, Floats]) -> Floats:
+    asked = np.hypot(np.diff(trace["requested_x1_mm"]), np.diff(trace["requested_y1_mm"]))
+    return np.flatnonzero(asked > 0.0)
 
 
 def write_linuxcnc_figure(trace: Mapping[str, Floats], path: Path) -> Path:
@@ -80,6 +91,15 @@ def _draw_slide(axes: Axes, trace: Mapping[str, Floats], name: str, window: tupl
     axes.plot(time_s, trace[f"simulated_{name}_mm"][part], color=TWIN, linewidth=2.4, alpha=0.75)
     axes.plot(time_s, trace[f"applied_{name}_mm"][part], color=CONTROLLED, linewidth=1.4)
     axes.plot(time_s, trace[f"requested_{name}_mm"][part], color=INK, linewidth=1.2, linestyle=(0, (4, 2)))
+    _at_least(axes, 0.02)
+
+
+def _at_least(axes: Axes, height: float) -> None:
+    """Keep noise from filling the panel."""
+    low, high = axes.get_ylim()
+    if high - low < height:
+        middle = 0.5 * (low + high)
+        axes.set_ylim(middle - 0.5 * height, middle + 0.5 * height)
 
 
 def _draw_left(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, float]) -> None:
@@ -89,6 +109,7 @@ def _draw_left(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, flo
         say(axes, window[1], height, name.upper() + " ", colour, **where)
         left = 1e3 * (trace[f"applied_{name}_mm"] - trace[f"requested_{name}_mm"])[part]
         axes.plot(trace["time_s"][part], left, color=colour, linewidth=1.2)
+    _at_least(axes, 2.0)
 
 
 def _draw_feed(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, float]) -> None:
@@ -105,13 +126,13 @@ def _draw_feed(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, flo
 
 
 def _draw_fault(panels: list[Axes], trace: Mapping[str, Floats]) -> None:
-    fault = np.flatnonzero(trace["fault"] > 0.5)
-    if not fault.size:
-        return
-    begin, end = (float(trace["time_s"][int(k)]) for k in (fault[0], fault[-1]))
-    for axes in panels:
-        axes.axvspan(begin, end, color="#f6e8ef", linewidth=0, zorder=0)
-    say(panels[0], begin, 0.93, " fault latched", ALARM, transform=panels[0].get_xaxis_transform(), fontsize=9)
+    low, high = panels[0].get_xlim()
+    for span in spans(trace):
+        begin, end = (float(trace["time_s"][k]) for k in span)
+        for axes in panels:
+            axes.axvspan(begin, end, color="#f6e8ef", linewidth=0, zorder=0)
+        if low <= begin <= high:
+            say(panels[0], begin, 0.93, " fault latched", ALARM, transform=panels[0].get_xaxis_transform(), fontsize=9)
 
 
 def _name_lines(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, float]) -> None:

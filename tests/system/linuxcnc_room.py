@@ -274,7 +274,7 @@ SCENES = {
 
 def faults(out=None):
     """Play every scene on one control."""
-    told = {}
+    told, begins = {}, {}
     with lathe() as folder, Control(load_settings(folder)) as control:
         rig = Rig(folder, control)
         told["off_at_start"] = rig.link.unready()
@@ -285,12 +285,13 @@ def faults(out=None):
         told["not_homed"] = rig.link.unready()
         rig.link.bring_up()
         for name, scene in SCENES.items():
-            begin = len(rig.rows)
+            begins[name] = len(rig.rows)
             told[name] = scene(rig)
-            if out:
-                picture(rig.rows[begin:], pathlib.Path(out) / f"{name}.png")
         rig.link.close()
         told["log"] = control.log()
+    ends = [*begins.values(), len(rig.rows)][1:]
+    for (name, begin), end in zip(begins.items() if out else (), ends, strict=False):
+        picture(rig.rows[begin:end], pathlib.Path(out) / f"{name}.png")
     return told
 
 
@@ -314,6 +315,13 @@ def lathe():
     with tempfile.TemporaryDirectory(prefix="lathe-") as folder:
         init_folder(pathlib.Path(folder), load_case("thesis-652"))
         yield pathlib.Path(folder)
+
+
+def patient(folder):
+    """Let a computer that tests on all its cores be late by a few tenths of a second."""
+    path = folder / "lathe.ini"
+    path.write_text(path.read_text().replace("WATCHDOG_S = 0.2", "WATCHDOG_S = 0.6").replace("= 0.1\n", "= 0.6\n"))
+    return folder
 
 
 class Pace:
@@ -341,11 +349,13 @@ def moves(count=9):
     with open_machine(Choice(adapter="linuxcnc"), case, 1, RUN) as node:
         node.prepare()
         trial = Trial(node, case, Pace())
+        trial.tick(2)
         trial.ask("arm")
         assert trial.reaches("ACTIVE", seconds=3.0), trial.events
         for k in range(count):
             trial.tick(105, 1.62 * (k % 2 == 0))
-        return {"first_motion_ms": node.first_motion_ms, "state": trial.state.guard_state, "load": os.getloadavg()[0]}
+        said = [event.text for event in trial.events if event.kind == "guard_state"]
+        return {"first_motion_ms": node.first_motion_ms, "said": said, "load": os.getloadavg()[0]}
 
 
 def loop(blocks=330):
@@ -353,7 +363,7 @@ def loop(blocks=330):
     case = load_case("thesis-652")
     closed = Loop(case, 1, _Still(), 2.2)
     run = closed.machine._run
-    with open_machine(Choice(adapter="linuxcnc"), case, 1, run) as node:
+    with lathe() as folder, open_machine(Choice(adapter="linuxcnc", folder=patient(folder)), case, 1, run) as node:
         node.prepare()
         closed.wrap("machine", lambda _: node)
         pace = Pace()
@@ -367,10 +377,13 @@ def loop(blocks=330):
             pace()
             number += 1
             closed.step(number)
-        for _ in range(40):
+        latest = number + 200
+        while number < latest:  # until the watchdog has seen it, and for a while after that
             pace()
             number += 1
             closed.step(number)
+            if node.link.last.fault and latest > number + 20:
+                latest = number + 20
         last, trace = tape.of(MachineState), node.trace
         return summary_of(tape, last, trace, killed_at)
 

@@ -29,7 +29,7 @@ PINS = {"x": "ask-1", "y": "ask-2", "beat": "beat", "arm": "arm", "ack": "ack", 
 PREFIX = "antiphase-"
 LOOP_S, SAY_S, STATUS_S = 0.001, 0.004, 0.01
 MOST_POINTS, MOST_AHEAD_S, MOST_UNREAD = 100, 0.002, 1 << 20
-REST_MM, ARMING_S, CYCLES = 1e-6, 3.0, 5
+REST_MM, NEAR_MM, ARMING_S, CYCLES = 1e-6, 5e-3, 3.0, 5
 CONTROL = ("estop", "estop_reset", "on", "off", "home", "load", "run", "abort", "manual")
 
 
@@ -149,12 +149,14 @@ class Bridge:
         if name in states:
             command.state(states[name])
         elif name == "home":
+            self.asked += 1
             command.mode(c.MODE_MANUAL)
             command.wait_complete()
             command.teleop_enable(0)
             command.wait_complete()
             command.home(-1)
         elif name == "load":
+            self.asked += 1
             command.mode(c.MODE_AUTO)
             command.wait_complete()
             command.program_open(value)
@@ -192,7 +194,7 @@ class Bridge:
         """Yield until each step of the sequence is done; what it waits for is seen in the servo thread."""
         pins = self._pins
         pins["arm"] = pins["ack"] = False
-        yield "request at 0", lambda row: not any(row[k] for k in BOUNDED)
+        yield "request at 0", lambda row: all(abs(row[k]) < NEAR_MM for k in BOUNDED)
         pins["clear"] = pins["arm"] = True
         yield "watchdog", lambda row: row[RUN]
         pins["ack"] = True

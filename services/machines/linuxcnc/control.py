@@ -22,7 +22,9 @@ PYTHON = "/usr/bin/python3"
 OLDEST = (2, 9)
 NOBODY = "65534"
 START_S, STOP_S, LOOK_S = 20.0, 10.0, 0.01
-INSTALL = "`apt-get install linuxcnc-uspace` (Debian 12 or newer, Ubuntu 24.04 or newer)"
+INSTALL = "`apt-get install linuxcnc-uspace` (Debian 12 or newer)"
+HURRY = ("nice", "-n", "-10")
+"""Before others, where that is allowed: without a real-time kernel the servo thread waits like any other."""
 TASKS = ("rtapi_app", "milltask", "linuxcncsvr")
 CLOCK = WallClock()
 
@@ -88,7 +90,7 @@ class Control:
         self.environment = self._surroundings()
         with (self._folder / "log").open("wb") as log:
             self._process = subprocess.Popen(
-                ["linuxcnc", "-r", str(settings.path)], stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                [*HURRY, "linuxcnc", "-r", str(settings.path)], stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                 env=self.environment, start_new_session=True, cwd=self._folder,
             )  # fmt: skip
 

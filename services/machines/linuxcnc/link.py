@@ -12,12 +12,13 @@ from typing import Any, NamedTuple
 
 from services.clock import WallClock
 from services.errors import RefusalError
-from services.machines.linuxcnc.control import PYTHON, old_version
+from services.machines.linuxcnc.control import HURRY, PYTHON, old_version
 from services.machines.linuxcnc.settings import Settings
 
 CLOCK = WallClock()
 READY_S, LOOK_S = 10.0, 0.002
 ORDER = "XYZABCUVW"
+SLOW = ("home", "load")
 
 
 class Row(NamedTuple):
@@ -57,7 +58,7 @@ class Link:
         self._unread, self._asked = b"", 0
         with as_file(files("services.machines.linuxcnc") / "bridge.py") as script:
             self._process = subprocess.Popen(
-                [PYTHON, str(script), str(settings.fresh_s)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                [*HURRY, PYTHON, str(script), str(settings.fresh_s)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL, env=dict(environment), start_new_session=True,
             )  # fmt: skip
         pipes = self._process.stdin, self._process.stdout
@@ -100,7 +101,7 @@ class Link:
             if not alive:
                 raise RefusalError(f"the bridge to LinuxCNC ended: {otherwise}")
             if CLOCK.now() > until:
-                raise RefusalError(f"{otherwise} for {seconds:g} s")
+                raise RefusalError(f"{otherwise} for {seconds:g} s (is LinuxCNC still whole?)")
             CLOCK.sleep_until(CLOCK.now() + LOOK_S)
 
     def poll(self) -> int:
@@ -154,8 +155,8 @@ class Link:
         return self.answered and self.status["bridge"] == "armed"
 
     def control(self, name: str, value: str | None = None) -> None:
-        """Let the control do something, such as switch on."""
-        self.tell(do="control", name=name, value=value)
+        """Let the control do something, such as switch on; `answered` waits for what takes long."""
+        self._asked += self.tell(do="control", name=name, value=value) and name in SLOW
 
     def bring_up(self) -> None:
         """Switch on and home a control of our own."""

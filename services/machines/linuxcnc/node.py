@@ -52,7 +52,7 @@ class LinuxcncNode(MachineNode):
         link.settings.fit(case)
         self.trace = Trace()
         self.first_motion_ms: list[float] = []
-        self._link, self._program = link, program
+        self.link, self._program = link, program
         self._angle = float(case.drives.axis_angle)
         self._waiting: OperatorRequest | None = None
         self._base: tuple[float, float] | None = None
@@ -66,7 +66,7 @@ class LinuxcncNode(MachineNode):
     def prepare(self) -> None:
         """Compile the kernels, and refuse a control that stands where the offset has no room."""
         super().prepare()
-        link = self._link
+        link = self.link
         link.wait(lambda: link.last is not None, "no servo cycle of LinuxCNC is seen")
         if why := link.unready():
             raise RefusalError(why)
@@ -75,6 +75,7 @@ class LinuxcncNode(MachineNode):
             raise RefusalError(f"an offset of {applied} mm is applied already: restart LinuxCNC, or clear it")
         if self._program is not None:
             link.control("load", self._program)
+            link.wait(lambda: link.answered, "the program is not loaded")
         self._read()
 
     def handle(self, message: Tick | TurretCommand | OperatorRequest) -> list[Message]:
@@ -83,7 +84,7 @@ class LinuxcncNode(MachineNode):
             self._read()
             return [*self._go_on_arming(), *super().handle(message)]
         if isinstance(message, OperatorRequest):
-            if message.request == "arm" and not self._link.armed and self._guard.state == "OFF":
+            if message.request == "arm" and not self.link.armed and self._guard.state == "OFF":
                 return self._arm(message)
             if message.request in ("stop", "disarm"):
                 self._waiting = None
@@ -95,7 +96,7 @@ class LinuxcncNode(MachineNode):
 
     def close(self) -> None:
         """Take the offset back and let go, if the control lets us; a frozen one stays frozen."""
-        link = self._link
+        link = self.link
         link.control("abort")
         try:
             link.wait(lambda: link.status["program"] == "idle" or self._lost(), "the program does not end", END_S)
@@ -109,17 +110,17 @@ class LinuxcncNode(MachineNode):
         """Return what there is to say of the control, for JSON."""
         known = self.first_motion_ms
         return {
-            "adapter": "linuxcnc", "linuxcnc": self._link.status.get("version"),
+            "adapter": "linuxcnc", "linuxcnc": self.link.status.get("version"),
             "first_motion_ms": known, "servo_cycles": len(self.trace.rows),
-            "bridge_rejected": self._link.status.get("rejected"),
+            "bridge_rejected": self.link.status.get("rejected"),
         }  # fmt: skip
 
     def _lost(self) -> bool:
-        return not self._link.alive or CLOCK.now() - self._link.heard > SILENT_S
+        return not self.link.alive or CLOCK.now() - self.link.heard > SILENT_S
 
     def _read(self) -> None:
         """Take the servo cycles since the last block as the motion of this one."""
-        self._rows = rows = self._link.take()
+        self._rows = rows = self.link.take()
         if not rows:
             self._refs = np.repeat(self._refs[:, -1:], self._samples, axis=1)
             return
@@ -127,7 +128,7 @@ class LinuxcncNode(MachineNode):
             first = rows[0]
             self._base = first.joint_1_mm - first.applied_1_mm, first.joint_2_mm - first.applied_2_mm
         joints = np.array([(row.joint_1_mm, row.joint_2_mm) for row in rows]).T - np.array([self._base]).T
-        slides = np.array(self._link.settings.to_slides(joints[0], joints[1], self._angle))
+        slides = np.array(self.link.settings.to_slides(joints[0], joints[1], self._angle))
         points = np.concatenate((self._refs[:, -1:], slides), axis=1)
         share = np.linspace(0.0, 1.0, self._samples + 1)[1:]
         grid = np.linspace(0.0, 1.0, points.shape[1])
@@ -141,24 +142,24 @@ class LinuxcncNode(MachineNode):
         began, stood = self._moves
         for row in rows:
             if abs(row.joint_2_mm - stood) > MOVED_MM:
-                moved = self._link.at - 1e-3 * (rows[-1].cycle - row.cycle)
+                moved = self.link.at - 1e-3 * (rows[-1].cycle - row.cycle)
                 self.first_motion_ms.append(1e3 * (moved - began))
                 self._moves = None
                 return
 
     def _arm(self, request: OperatorRequest) -> list[Message]:
         """Let the bridge clear and arm the offsets again; only by an operator, with the tools out of the cut."""
-        if self._link.answered:
-            why = self._link.unready() or ("the tools are in the cut" if self._in_cut else "")
+        if self.link.answered:
+            why = self.link.unready() or ("the tools are in the cut" if self._in_cut else "")
             if why:
                 return [self._event("request_rejected", f"'arm': {why}")]
-            self._link.ask("arm")
+            self.link.ask("arm")
         self._waiting = request
         return []
 
     def _go_on_arming(self) -> list[Message]:
         """Arm the offsets before the first block, start the program then, and see to what waits for that."""
-        link = self._link
+        link = self.link
         if not self._begun and link.last is not None:
             self._begun = True
             if not link.last.fault:
@@ -172,7 +173,7 @@ class LinuxcncNode(MachineNode):
         if request is None:
             return []
         if not link.armed:
-            why = "the bridge has ended" if self._lost() else link.status["why"] or link.status["bridge"]
+            why = "the bridge says nothing" if self._lost() else link.status["why"] or link.status["bridge"]
             return [self._event("request_rejected", f"'arm': LinuxCNC: {why}")]
         self._guard.stand((0.0, 0.0, 0.0))
         self._base, self._tripped = None, False
@@ -188,34 +189,34 @@ class LinuxcncNode(MachineNode):
 
     def _conditions(self) -> Conditions:
         """Return what the guard is told: the panel is that of LinuxCNC, measured is what it applies."""
-        status = self._link.status
+        status = self.link.status
         self._ran = self._ran or status["program"] == "runs"
-        self.panel = Panel(homed=self._link.homed(), feed_hold=status["paused"], blocked=self._blocked())
+        self.panel = Panel(homed=self.link.homed(), feed_hold=status["paused"], blocked=self._blocked())
         return replace(super()._conditions(), measured=self._applied(), failed=self._failed())
 
     def _applied(self) -> Floats:
         """Return where LinuxCNC has the turret: shift (rad), x1, y1 (m)."""
-        last = self._link.last
+        last = self.link.last
         offsets = (last.applied_1_mm, last.applied_2_mm) if last else (0.0, 0.0)
-        x1, y1 = self._link.settings.to_slides(*offsets, self._angle)
+        x1, y1 = self.link.settings.to_slides(*offsets, self._angle)
         shift = arc_position(offset_from_slides(x1, y1, self._angle), self.plant.diameter).shift
         return np.array([shift, x1, y1])
 
     def _blocked(self) -> str:
-        status = self._link.status
-        if not self._link.armed and self._begun:
+        status = self.link.status
+        if not self.link.armed and self._begun:
             return "the offsets of LinuxCNC are not armed"
         return "no program runs on LinuxCNC any more" if self._ran and status["program"] == "idle" else ""
 
     def _failed(self) -> str:
         """Return why nothing can be moved any more, empty if it can."""
         if self._lost():
-            return "the bridge to LinuxCNC has ended" if not self._link.alive else "the bridge to LinuxCNC is silent"
-        last = self._link.last
-        if last is None or not last.fault or not self._link.answered or self._link.status["bridge"] == "idle":
+            return "the bridge to LinuxCNC has ended" if not self.link.alive else "the bridge to LinuxCNC is silent"
+        last = self.link.last
+        if last is None or not last.fault or not self.link.answered or self.link.status["bridge"] == "idle":
             return ""
         if not last.enabled:
-            stopped = self._link.status["estop"]
+            stopped = self.link.status["estop"]
             return f"LinuxCNC: {'emergency stop' if stopped else 'the machine was switched off'}, the offset is frozen"
         if last.limited:
             return "LinuxCNC: the offset met a soft limit and was cut short, it is frozen"
@@ -223,17 +224,17 @@ class LinuxcncNode(MachineNode):
 
     def _drive(self, checked: Checked) -> PlantBlock:
         """Send the set points on, and cut with the motion that was read back."""
-        settings, guard, n = self._link.settings, self._guard, self._samples
+        settings, guard, n = self.link.settings, self._guard, self._samples
         first, second = settings.to_axes(checked.x1, checked.y1, self._angle)
         step = round(n * 0.001 / (n / self._rate))
         over = n / self._rate
-        self._link.tell(do="move", x=first[step - 1 :: step].tolist(), y=second[step - 1 :: step].tolist(), over_s=over)
+        self.link.tell(do="move", x=first[step - 1 :: step].tolist(), y=second[step - 1 :: step].tolist(), over_s=over)
         self._oversee()
         if self._asked is not None and guard.target == guard.requested:
             asked, due = self._asked
             self._asked = None
             late = due <= self.plant.sample - n
-            last = self._link.last
+            last = self.link.last
             self._moves = (asked if late else CLOCK.now(), last.joint_2_mm if last else 0.0)
         plant = self.plant.advance(*self._refs)
         simulated = np.array((plant.x1_stage_position, plant.y1_stage_position))
@@ -246,11 +247,11 @@ class LinuxcncNode(MachineNode):
     def _oversee(self) -> None:
         """Pass on what the guard asks of the control: feed hold, and at a fault the latched freeze."""
         guard = self._guard
-        if guard.feed_inhibit_requested and not self._tripped and self._link.armed:
-            self._tripped = self._link.tell(do="trip")
+        if guard.feed_inhibit_requested and not self._tripped and self.link.armed:
+            self._tripped = self.link.tell(do="trip")
         if guard.feed_hold_requested != self._held:
             self._held = guard.feed_hold_requested
-            self._link.tell(do="hold", on=self._held)
+            self.link.tell(do="hold", on=self._held)
 
     def _path_limits(self, speed: float | None) -> TrajectoryLimits:
         limits = super()._path_limits(speed)

@@ -12,8 +12,8 @@ from services.config import Case
 from services.errors import InputError
 
 OURS = "ANTIPHASE"
-PATH_SPEED_DEG_PER_S = 15.0
-"""The shift moves no faster on a control that is reached over a bus: 0.5 mm take 0.2 s, and 30 ms of delay 0.5 deg."""
+PATH_SPEED_DEG_PER_S = 12.0
+"""The shift moves no faster on a control that is reached over a bus: 0.5 mm take 0.2 s, and 40 ms of delay 0.5 deg."""
 Ini = Mapping[str, Mapping[str, str]]
 
 
