@@ -49,7 +49,8 @@ def conform(
     from services.machines.conformance import RUN, conformance
 
     config = load_case(case)
-    with open_machine(Choice(adapter=adapter, folder=linuxcnc), config, seed or config.settings.seed, RUN) as node:
+    used = config.settings.seed if seed is None else seed
+    with open_machine(Choice(adapter=adapter, folder=linuxcnc), config, used, RUN) as node:
         found = conformance(node, config, paced() if adapter == "linuxcnc" else lambda: None)
     lines = [f"{'ok  ' if f.ok else 'FAIL'}  {f.name:32} {f.detail}" for f in found]
     emit({"adapter": adapter, "checks": [asdict(f) for f in found]}, "\n".join(lines), as_json)
