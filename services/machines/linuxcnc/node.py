@@ -52,7 +52,7 @@ class LinuxcncNode(MachineNode):
         link.settings.fit(case)
         self.trace = Trace()
         self.first_motion_ms: list[float] = []
-        self.link, self._program = link, program
+        self.link, self._program, self._own = link, program, program is not None
         self._angle = float(case.drives.axis_angle)
         self._waiting: OperatorRequest | None = None
         self._base: tuple[float, float] | None = None
@@ -95,11 +95,16 @@ class LinuxcncNode(MachineNode):
         return answer
 
     def close(self) -> None:
-        """Take the offset back and let go, if the control lets us; a frozen one stays frozen."""
+        """Take the offset back and let go, if the control lets us; a frozen one stays frozen.
+
+        A program of our own is ended for that. One that somebody else runs is not: it is left to the watchdog, which
+        freezes the offset and holds the feed.
+        """
         link = self.link
-        link.control("abort")
         try:
-            link.wait(lambda: link.status["program"] == "idle" or self._lost(), "the program does not end", END_S)
+            if self._own:
+                link.control("abort")
+                link.wait(lambda: link.status["program"] == "idle" or self._lost(), "the program does not end", END_S)
             link.ask("disarm")
             link.wait(lambda: link.answered, "the offset does not go back", END_S)
         except RefusalError:
