@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from services.figures.style import (
     ALARM,
@@ -74,7 +75,7 @@ def spans(trace: Mapping[str, Floats]) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _moves(trace: Mapping[str, Floats]) -> Floats:
+def _moves(trace: Mapping[str, Floats]) -> NDArray[np.intp]:
     asked = np.hypot(np.diff(trace["requested_x1_mm"]), np.diff(trace["requested_y1_mm"]))
     return np.flatnonzero(asked > 0.0)
 
