@@ -179,7 +179,7 @@ def doors() -> dict[str, Door]:
     over = b'extends = "thesis-652"\n[limits]\nshift_deg = 5.5\non_loss = "return"\n[cutting]\ndepth_of_cut_mm = 0.2\n'
     drive = (pathlib.Path(str(shipped()["thesis-652"])).parent / "drives" / "emps.toml").read_bytes()
     made = {
-        "message": (tuple(bytes([k]) + encode(example(kind)) for k, kind in enumerate(KINDS)), message, 0.9),
+        "message": (tuple(bytes([k]) + encode(example(kind)) for k, kind in enumerate(KINDS)), message, 0.91),
         "case": ((whole, over), _case, 0.01),
         "drive": ((drive,), _from_file(".toml", lambda path: load_drive(str(path))), 0.01),
         "csv": ((_table(","), _table(";", True), _table("\t", head="# fs = 2000\n")), _from_file(".csv", _read), 0.01),

@@ -498,3 +498,10 @@ def test_a_following_error_of_exactly_the_limit_passes():
     envelope = Envelope(limits(shift_following=2.0**-9), (0.0, 0.0, 0.0))
     assert envelope.lags(np.array([2.0**-9, 0.0, 0.0])) == ""
     assert "shift" in envelope.lags(np.array([2.0**-9 * (1 + 2.0**-40), 0.0, 0.0]))
+
+
+def test_the_dwell_counts_from_the_last_move():
+    door = Doorkeeper(limits(moves_per_minute=3, dwell=1.0), "run", "controller", "operator")
+    door.moved(0)
+    door.moved(20_000)
+    assert (door.hurried(28_999), door.hurried(29_000)) == ("dwell", "")
