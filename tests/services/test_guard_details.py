@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from services.guard_commands import Doorkeeper
-from services.guard_conditions import Spindle
+from services.guard_conditions import Conditions, Spindle
 from services.guard_limits import MARGIN
 from services.guard_motion import LONGEST_STOP_S, RESUME_S, Envelope, Way
 from services.messages import OperatorRequest
@@ -505,3 +505,9 @@ def test_the_dwell_counts_from_the_last_move():
     door.moved(0)
     door.moved(20_000)
     assert (door.hurried(28_999), door.hurried(29_000)) == ("dwell", "")
+
+
+def test_a_diameter_that_no_lathe_turns_has_no_radius():
+    plain = {"in_cut": True, "homed": True, "feed_hold": False, "spindle_hz": 20.0, "measured": np.zeros(3)}
+    assert math.isnan(Conditions(diameter=10.0, **plain).radius)
+    assert Conditions(diameter=9.0, **plain).radius == 4.5
