@@ -4,11 +4,13 @@ A door may say no (`InputError`, `RefusalError`, `DecodeError`) and nothing else
 The one exception: where the length of a text is damaged in an HDF5 file, its library sets aside up to 4 GB and reads.
 """
 
+import atexit
 import contextlib
 import dataclasses
 import gc
 import io
 import pathlib
+import shutil
 import tempfile
 import warnings
 from collections.abc import Callable
@@ -61,6 +63,7 @@ def message(data: bytes) -> None:
 
 _MEMORY = pathlib.Path("/dev/shm")
 _FOLDER = pathlib.Path(tempfile.mkdtemp(prefix="antiphase-fuzz-", dir=_MEMORY if _MEMORY.is_dir() else None))
+atexit.register(shutil.rmtree, _FOLDER, ignore_errors=True)
 
 
 def _from_file(suffix: str, read: Callable[[pathlib.Path], object]) -> Callable[[bytes], None]:
