@@ -7,7 +7,6 @@ Without it, or with `--blind`, it is blind, but seeded: any finding is had again
 """
 
 import argparse
-import contextlib
 import importlib.util
 import mmap
 import os
@@ -23,7 +22,7 @@ import traceback
 
 import numpy as np
 
-from tests.fuzz.targets import NO, doors
+from tests.fuzz.targets import NO, Door, doors
 
 WORDS = (
     b"\x00", b"\xff", b"\xff\xff\xff\xff", b"\x00\x00\x00\x80", b"\xff\xff\xff\x7f", b"\x00" * 8, b"NaN", b"inf",
@@ -72,21 +71,25 @@ def _ring(*_: object) -> None:
 def survived(name: str, runs: int, seed: int, seconds: float = float("inf")) -> tuple[int, list[str]]:
     """As `tried`, in processes of their own: an input that kills one is a finding too."""
     end, findings, place = time.monotonic() + seconds, [], 0
+    door = doors()[name]  # made once, and before any fork
     with tempfile.NamedTemporaryFile("r+") as told, mmap.mmap(-1, 8) as counter:
         while place < runs:
             child = os.fork()
             if not child:
                 code = 1
-                with contextlib.suppress(BaseException):
+                try:
                     left = end - time.monotonic()
-                    count, found = tried(name, runs, seed, left, first=place, counter=counter)
+                    count, found = tried(door, name, runs, seed, left, first=place, counter=counter)
                     told.write("".join(f"{line}\n" for line in found))
-                    told.flush()
                     struct.pack_into("q", counter, 0, count)
                     code = 0
-                os._exit(code)
+                except BaseException:
+                    told.write(traceback.format_exc())
+                finally:
+                    told.flush()
+                    os._exit(code)
             status = os.waitpid(child, 0)[1]
-            place = struct.unpack_from("q", counter, 0)[0]
+            place = max(place, struct.unpack_from("q", counter, 0)[0])
             if not status:
                 break
             findings.append(f"{name} seed {seed} input {place}: the process died ({os.waitstatus_to_exitcode(status)})")
@@ -96,12 +99,15 @@ def survived(name: str, runs: int, seed: int, seconds: float = float("inf")) -> 
 
 
 def tried(
-    name: str, runs: int, seed: int, seconds: float = float("inf"), first: int = 0, counter: mmap.mmap | None = None
-) -> tuple[int, list[str]]:
+    door: Door, name: str, runs: int, seed: int, seconds: float = float("inf"), first: int = 0,
+    counter: mmap.mmap | None = None,
+) -> tuple[int, list[str]]:  # fmt: skip
     """Bend and throw; returns how many were thrown and what was found.
 
     Parameters
     ----------
+    door : Door
+        Where to throw.
     name : str
         Of the door.
     runs : int
@@ -115,7 +121,7 @@ def tried(
     counter : mmap or None
         Told the number of each input before it is thrown.
     """
-    door, found, known = doors()[name], [], set()
+    found, known = [], set()
     signal.signal(signal.SIGPROF, _ring)
     end = time.monotonic() + seconds
     for number in range(first, runs):
