@@ -7,6 +7,7 @@ import pathlib
 import signal
 import sys
 import threading
+import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from types import FrameType
@@ -14,6 +15,9 @@ from typing import Any, Self
 
 GO = "go"
 """Line on which a process in reserve begins to work."""
+
+WAKE_S = 0.1
+"""Longest that the main thread sleeps in one go, so that a signal which another thread took is seen."""
 
 
 class Stopped(Exception):  # noqa: N818  (not an error: somebody asked for it)
@@ -56,6 +60,16 @@ class StopSignal:
             yield
         finally:
             self._waiting = False
+
+    def wait(self) -> None:
+        """Do nothing until it is time, then raise `Stopped`.
+
+        Never one long wait: the kernel may hand a signal to any thread, those of Zenoh too, and then the main thread,
+        which alone runs Python's handler, is not woken.
+        """
+        with self.waiting():
+            while True:
+                time.sleep(WAKE_S)
 
     def check(self) -> None:
         """Raise `Stopped` if it is time."""

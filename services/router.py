@@ -6,7 +6,6 @@ import contextlib
 import json
 import pathlib
 import sys
-import threading
 from collections.abc import Callable
 from typing import TextIO
 
@@ -45,8 +44,7 @@ def hold(
         if child:
             Parent()
         ready(where)
-        with stop.waiting():
-            threading.Event().wait()
+        stop.wait()
     finally:
         deadline = end_within(CLOSING_S, 0)  # a link that is about to be let in can hold Zenoh's close up
         session.close()

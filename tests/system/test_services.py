@@ -15,7 +15,7 @@ from services.config import load_case
 from services.demo import run_demo
 from services.messages import Event, MachineState, SampleBlock, Tick, TurretCommand
 from services.zenoh_bus import ZenohBus
-from tests.system.kit import Spy, free_endpoint, processes, until
+from tests.system.kit import TGKILL, Spy, free_endpoint, processes, until
 
 pytestmark = pytest.mark.system
 CASE = "thesis-652"
@@ -107,6 +107,20 @@ def test_three_terminals_close_the_loop(tmp_path):
         assert monitor.said()["handled"] > 10
         assert monitor.said()["blocks_lost"] == 0
         assert controller.said()["runs"] == 1
+
+
+@pytest.mark.skipif(not TGKILL, reason="the number of Linux's tgkill is not known here")
+def test_a_signal_that_any_thread_takes_ends_the_process(tmp_path):
+    with processes(tmp_path) as start:
+        router = start("router", "--listen", "tcp/127.0.0.1:0", "--json")
+        assert until(lambda: "endpoint" in router.said())
+        where = ("--connect", router.said()["endpoint"])
+        monitor = start("monitor", CASE, *where)
+        recorder = start("record", "--out", str(tmp_path / "recorded"), *where)
+        assert until(lambda: "ready" in monitor.told()), monitor.told()
+        assert until(lambda: (tmp_path / "recorded").exists()), recorder.told()
+        for process in (monitor, recorder, router):
+            assert process.stop_by_another_thread() == 0, process.told()
 
 
 def test_a_second_of_a_kind_and_a_lonely_machine_are_refused(tmp_path, router):
