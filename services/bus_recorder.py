@@ -106,7 +106,8 @@ class BusRecorder:
     def answer(self) -> dict[str, Any]:
         """Return what there is to count, for JSON."""
         return {
-            "service": SERVICE, "machine": self._bus.machine, "file": self._recorder.path, "runs": self.runs,
+            "service": SERVICE, "machine": self._bus.machine, "file": self._recorder.path,
+            "parts": self._recorder.parts, "runs": self.runs,
             "config_known": self.config_known, "duration_s": self._clock.now() - self._begun,
             "messages": self.topics.total(), "topics": dict(self.topics), "written": self._recorder.written,
             "bytes": self._recorder.bytes_written, "missing": sum(self.gaps.missing().values()),

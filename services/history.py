@@ -20,7 +20,7 @@ from services.config import Case
 from services.errors import InputError
 from services.messages import BLOCK_S, TOPICS, ChatterReport, Floats, MachineState, Truth, TurretCommand
 from services.metrics import CHATTER_STATE, ENVELOPE_S
-from services.recording_file import RecordingReader
+from services.recording_file import RecordingReader, first_part
 from services.replay import case_of
 from services.wire import DecodeError, decode
 
@@ -56,7 +56,7 @@ COLUMNS = tuple(field.name for field in fields(Alarm))
 
 
 def recordings_in(places: Iterable[pathlib.Path]) -> list[pathlib.Path]:
-    """Return the recordings named, and those in the folders named, each once."""
+    """Return the recordings named, and those in the folders named, each once: later parts come with the first."""
     found: list[pathlib.Path] = []
     for place in places:
         if not place.exists():
@@ -64,7 +64,8 @@ def recordings_in(places: Iterable[pathlib.Path]) -> list[pathlib.Path]:
         found += sorted(place.rglob("*.mcap")) if place.is_dir() else [place]
     if not found:
         raise InputError("file", ", ".join(map(str, places)), "recordings (.mcap), or folders that hold some")
-    return list(dict.fromkeys(found))
+    firsts = {path for path in found if first_part(path) == path}
+    return [path for path in dict.fromkeys(found) if path in firsts or first_part(path) not in firsts]
 
 
 def alarms_of(path: pathlib.Path) -> tuple[list[Alarm], list[str]]:

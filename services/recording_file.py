@@ -1,15 +1,18 @@
 """Recordings read: MCAP files that hold every message as it travelled, the schemas, and what was run.
 
-Read from the front: a file without an end gives all it has. `services.recording_writer` tells how one is made.
+Read from the front: a file without an end gives all it has. A long recording goes on in further parts, `cut.mcap`,
+`cut.part0002.mcap` and so on: who names the first reads all, who names another reads that one.
+`services.recording_writer` tells how they are made.
 """
 
 from __future__ import annotations
 
 import io
 import pathlib
+import re
 import struct
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple, cast
 
 import zstandard
@@ -30,6 +33,7 @@ MOST_RECORD_BYTES = 1 << 28
 MAGIC_BYTES = 8
 FEW = 5000
 """Messages before which a recording tells what was run, if it does: several seconds of everything."""
+_PART = re.compile(r"(.+)\.part(\d{4,})")
 UNREADABLE = (McapError, zstandard.ZstdError, struct.error, ValueError, OverflowError)
 
 
@@ -42,8 +46,35 @@ class Recorded(NamedTuple):
     log_time_ns: int
 
 
+def part_path(first: pathlib.Path, number: int) -> pathlib.Path:
+    """Return the file of a part of a recording, of which the first has the number 1."""
+    return first if number == 1 else first.with_name(f"{first.stem}.part{number:04d}{first.suffix}")
+
+
+def first_part(path: pathlib.Path) -> pathlib.Path:
+    """Return the file that a recording begins with, of which a part is given."""
+    found = _PART.fullmatch(path.stem)
+    return path.with_name(found[1] + path.suffix) if found else path
+
+
+def parts_of(path: pathlib.Path) -> dict[int, pathlib.Path]:
+    """Return the files of a recording by number, the one given first; a later part stands for itself."""
+    later: dict[int, pathlib.Path] = {}
+    for other in path.parent.glob(f"*.part*{path.suffix}") if path.suffix else ():
+        found = _PART.fullmatch(other.stem)
+        if found and first_part(other) == path:
+            later[int(found[2])] = other
+    return {1: path} | dict(sorted(later.items()))
+
+
+def add_told(known: dict[str, str], more: Mapping[str, str]) -> None:
+    """Add what was told later of what was run; of several runs, the first stays."""
+    if known.get("run", "") in ("", more.get("run", "")):
+        known |= {name: value for name, value in more.items() if value}
+
+
 class RecordingReader:
-    """Reads a recording from the front, as far as it can be read.
+    """Reads a recording from the front, with its further parts, as far as it can be read.
 
     Iterating gives everything on the topics of `services.messages`, in the order in which it was received; then
     `notes` tell what is missing.
@@ -59,13 +90,14 @@ class RecordingReader:
         What was run, see `run_metadata`; empty when the file does not tell. Known from the first message on, but for
         a recorder that came before the run: it adds what it is told. Of several runs, the first.
     whole : bool
-        The file was closed properly.
+        Every part was closed properly.
     """
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
         self.metadata: dict[str, str] = {}
-        self.whole = self._ended = False
+        self.whole = False
+        self._unended: list[str] = []
         self._lost, self._undecodable = 0, ""
         self._broken: Counter[str] = Counter()
         self._channels: dict[int, tuple[str, str]] = {}
@@ -73,9 +105,18 @@ class RecordingReader:
     def __iter__(self) -> Iterator[Recorded]:
         if not self.path.is_file():
             raise InputError("file", str(self.path), "an existing file")
-        with self.path.open("rb") as file:
+        parts, self._unended = parts_of(self.path), []
+        missing = max(parts) - len(parts)
+        if missing:
+            self._broken["parts are missing"] = missing
+        for part in parts.values():
+            yield from self._part(part)
+        self.whole = not self._unended and not missing
+
+    def _part(self, path: pathlib.Path) -> Iterator[Recorded]:
+        with path.open("rb") as file:
             self._look_ahead(file)
-            for record in self._records(file):
+            for record in self._records(file, path):
                 if isinstance(record, Chunk):
                     yield from self._unpacked(record)
                 elif isinstance(record, Channel):
@@ -84,7 +125,6 @@ class RecordingReader:
                     yield from self._message(record)
                 elif isinstance(record, Metadata):
                     self._told(record)
-        self._ended = True
 
     def messages(self) -> Iterator[tuple[str, Message, int]]:
         """Yield topic, message and log time (ns); what cannot be decoded is left out and noted."""
@@ -105,12 +145,12 @@ class RecordingReader:
             listed.append(f"the first that cannot be decoded: {self._undecodable}")
         if self._lost:
             listed.append(f"{self._lost} messages did not get into the file while it was written")
-        if self._ended and not self.whole:
-            listed.append("the file has no end: whatever wrote it was stopped, or the rest is missing")
-        return [f"{self.path.name}: {note}" for note in listed]
+        no_end = "the file has no end: whatever wrote it was stopped, or the rest is missing"
+        return [f"{self.path.name}: {note}" for note in listed] + [f"{name}: {no_end}" for name in self._unended]
 
     def _look_ahead(self, file: io.BufferedReader) -> None:
         """Learn the channels from the end of a whole file: the first chunk, which tells them too, may be damaged."""
+        self._channels.clear()
         try:
             summary = SeekingReader(file, record_size_limit=MOST_RECORD_BYTES).get_summary()
         except (*UNREADABLE, OSError):  # OSError: shorter than what is sought from its end
@@ -119,22 +159,20 @@ class RecordingReader:
             self._meet(channel)
         file.seek(0)
 
-    def _records(self, file: io.BufferedReader) -> Iterator[McapRecord]:
+    def _records(self, file: io.BufferedReader, path: pathlib.Path) -> Iterator[McapRecord]:
         """Yield the records of the data section, chunks packed."""
-        size = self.path.stat().st_size
+        size = path.stat().st_size
         reader = StreamReader(cast(Any, _Bounded(file, size)), emit_chunks=True, record_size_limit=MOST_RECORD_BYTES)
         records = reader.records
         try:
             for record in records:
                 if isinstance(record, DataEnd):
-                    self.whole = True
                     return
                 yield record
-        except InvalidMagic as error:
-            raise InputError("file", str(self.path), "an MCAP file") from error
         except UNREADABLE as error:
-            if file.tell() <= MAGIC_BYTES:
-                raise InputError("file", str(self.path), "an MCAP file") from error
+            if path == self.path and (isinstance(error, InvalidMagic) or file.tell() <= MAGIC_BYTES):
+                raise InputError("file", str(path), "an MCAP file") from error
+        self._unended.append(path.name)
 
     def _unpacked(self, chunk: Chunk) -> Iterator[Recorded]:
         """Yield the messages of a chunk; one that is broken is skipped as a whole."""
@@ -162,8 +200,8 @@ class RecordingReader:
             self._broken["messages are on no known topic"] += 1
 
     def _told(self, record: Metadata) -> None:
-        if record.name == RUN and self.metadata.get("run", "") in ("", record.metadata.get("run", "")):
-            self.metadata |= {name: value for name, value in record.metadata.items() if value}
+        if record.name == RUN:
+            add_told(self.metadata, record.metadata)
         elif record.name == LOST:
             count = record.metadata.get("messages", "")
             self._lost = int(count) if count.isdecimal() else self._lost

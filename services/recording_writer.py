@@ -1,11 +1,14 @@
 """Recordings written: every message as it travelled, with the schemas and what was run, as MCAP.
 
 A thread of its own writes: what came in the last 30 ms, or 64 KB of it, becomes one compressed chunk, so that a
-process that is killed loses less than 100 ms. `services.recording_file` reads them.
+process that is killed loses less than 100 ms. The index of an MCAP file is held in memory until the file ends (about
+1 KB for each chunk, 120 MB in an hour): so a long recording goes on in further parts, each with what was run and an
+index of its own. `services.recording_file` reads them as one.
 """
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import pathlib
@@ -18,7 +21,7 @@ from mcap.writer import Writer
 
 from services.errors import InputError, RefusalError
 from services.messages import Message
-from services.recording_file import LOST, RUN, Recorded
+from services.recording_file import LOST, RUN, Recorded, add_told, part_path, parts_of
 from services.schemas.embedded import schema_of
 from services.wire import encode, encoding_of, topic_of
 
@@ -29,6 +32,8 @@ ROOM_BYTES = 64 << 20
 """What may wait to be written: half a minute or more of everything, should the disk hang."""
 MESSAGE_BYTES = 200
 """What a waiting message takes beside its payload."""
+PART_CHUNKS = 1 << 14
+"""Chunks in one part, so that its index takes less than 20 MB: eight minutes or more."""
 MOST_TIME_NS = 1 << 63
 
 
@@ -41,13 +46,15 @@ class McapRecorder:
     Parameters
     ----------
     path
-        File to write.
+        File to write, or to begin with: see `part_path` for those that follow.
     metadata
         What was run, see `run_metadata`; on disk before the constructor returns.
     room_bytes
         How much may wait to be written.
     new
-        Refuse a file that holds something; otherwise it is replaced.
+        Refuse a file that holds something, or of which there are later parts; otherwise they are replaced.
+    part_chunks
+        About how many chunks a part holds.
 
     Raises
     ------
@@ -58,9 +65,10 @@ class McapRecorder:
     """
 
     def __init__(
-        self, path: pathlib.Path, metadata: Mapping[str, str], room_bytes: int = ROOM_BYTES, *, new: bool = False
-    ) -> None:
-        self.path = path
+        self, path: pathlib.Path, metadata: Mapping[str, str], room_bytes: int = ROOM_BYTES, *, new: bool = False,
+        part_chunks: int = PART_CHUNKS,
+    ) -> None:  # fmt: skip
+        self.path, self.parts, self._part_chunks = path, 1, part_chunks
         self.lost = self.written = self.bytes_written = 0
         self.failure = ""
         self._room = room_bytes
@@ -68,15 +76,14 @@ class McapRecorder:
         self._taken = self._in_hand = 0
         self._change = threading.Condition()
         self._closing = self._hurry = False
-        self._file = open_file(path, new)
         self._described: list[dict[str, str]] = []
-        self._channels: dict[tuple[str, str], int] = {}
-        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
-        self._told = 0
+        self._metadata = dict(metadata)
+        self._told = self._before = 0
+        self._indexing: threading.Thread | None = None
+        self._trouble: OSError | None = None
+        self._file = self._first = open_file(path, new)
         try:
-            self._writer.start(profile="", library="antiphase")
-            self._writer.add_metadata(RUN, dict(metadata))
-            self._file.flush()
+            self._begin()
         except OSError:
             self._shut()
             raise
@@ -148,10 +155,53 @@ class McapRecorder:
                     self._change.wait_for(lambda: self._closing or self._hurry, PERIOD_S)
                 self._write_waiting()
             self._write_waiting()
+            self._await_index()
             self._writer.finish()
             self._file.close()
+            self._first.close()
         except OSError as error:
-            self._fail(f"{self.path.name} ends early: {error.strerror or error}")
+            name = pathlib.Path(error.filename or part_path(self.path, self.parts)).name
+            self._fail(f"{name} ends early: {error.strerror or error}")
+
+    def _begin(self) -> None:
+        """Begin the file that is open, with what is known of the run."""
+        self._channels: dict[tuple[str, str], int] = {}
+        self._chunks = 0
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES)
+        self._writer.start(profile="", library="antiphase")
+        self._writer.add_metadata(RUN, self._metadata)
+        self._file.flush()
+
+    def _go_on(self) -> None:
+        """Go on in a new part; the index of the last one is written beside it, so that nothing waits for that."""
+        self._await_index()
+        self._before = self.bytes_written
+        self._indexing = threading.Thread(target=self._index, args=(self._writer, self._file), daemon=True)
+        self._indexing.start()
+        path = part_path(self.path, self.parts + 1)
+        try:
+            self._file = open_file(path, new=True)
+        except (InputError, RefusalError) as error:
+            raise OSError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from error
+        self.parts += 1
+        self._begin()
+
+    def _index(self, writer: Writer, file: io.BufferedWriter) -> None:
+        """End a part; the first stays open, which keeps other recorders away."""
+        try:
+            writer.finish()
+            file.flush()
+            if file is not self._first:
+                file.close()
+        except OSError as error:
+            self._trouble = error
+
+    def _await_index(self) -> None:
+        """Wait until the last part has its index."""
+        if self._indexing is not None:
+            self._indexing.join()
+        if self._trouble is not None:
+            raise self._trouble
 
     def _write_waiting(self) -> None:
         """Write what came, ending the chunk."""
@@ -160,17 +210,22 @@ class McapRecorder:
             batch, self._waiting = self._waiting, []
             described, self._described = self._described, []
             size, lost, self._in_hand = self._taken, self.lost, len(batch)
+        if batch and self._chunks >= self._part_chunks:
+            self._go_on()
+        self._chunks += bool(batch or described) + size // CHUNK_BYTES
         for metadata in described:
+            add_told(self._metadata, metadata)
             self._writer.add_metadata(RUN, metadata)
         for message in batch:
             time = message.log_time_ns
             self._writer.add_message(self._channel(message.topic, message.encoding), time, message.payload, time)
         if lost != self._told:
             self._told = lost
+            self._chunks += 1
             self._writer.add_metadata(LOST, {"messages": str(lost)})
         self._writer.flush()
         self.written += len(batch)
-        self.bytes_written = self._file.tell()
+        self.bytes_written = self._before + self._file.tell()
         with self._change:
             self._in_hand = 0
             self._taken -= size
@@ -198,13 +253,22 @@ class McapRecorder:
             self._change.notify_all()
 
     def _shut(self) -> None:
-        """Close the file, written or not."""
-        with suppress(OSError):
-            self._file.close()
+        """Close what is open, written or not."""
+        if self._indexing is not None:
+            self._indexing.join()
+        for file in (self._file, self._first):
+            with suppress(OSError):
+                file.close()
 
 
 def open_file(path: pathlib.Path, new: bool) -> io.BufferedWriter:
-    """Return an empty file that no other recorder may write; what it held is gone, or refused if it must be new."""
+    """Return an empty file that no other recorder may write; what it held is gone, or refused if it must be new.
+
+    So are later parts of the same recording.
+    """
+    later = list(parts_of(path).values())[1:]
+    if new and later:
+        raise InputError("out", str(path), f"a new file; {later[0].name} is a later part of another recording")
     path.parent.mkdir(parents=True, exist_ok=True)
     file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o644), "wb")
     try:
@@ -213,6 +277,8 @@ def open_file(path: pathlib.Path, new: bool) -> io.BufferedWriter:
             if new:
                 raise InputError("out", str(path), "a new file; this one holds something, and recordings are kept")
             file.truncate(0)
+        for other in later:
+            other.unlink()
     except BlockingIOError as error:
         file.close()
         raise RefusalError(f"another recorder is writing {path}", {"file": str(path)}) from error

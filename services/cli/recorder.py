@@ -96,6 +96,8 @@ def _words(answer: dict[str, Any]) -> str:
         f"{answer['messages']} messages of {answer['machine']} in {answer['duration_s']:.1f} s, "
         f"{answer['missing']} missing, {answer['lost']} not written\nwrote {answer['file']}"
     )
+    if answer["parts"] > 1:
+        text += f" and {answer['parts'] - 1} further parts beside it: it is read with them"
     if not answer["config_known"]:
         text += "\nthe configuration was not told: is the machine one that answers on `config`?"
     return text + (f"\nincomplete: {answer['failure']}" if answer["failure"] else "")
