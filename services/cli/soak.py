@@ -28,7 +28,10 @@ def soak(
     out: OutDir = None,
     as_json: JsonFlag = False,
 ) -> int:
-    """Run the services under load and link cuts, and say what became of every block; exit code 1 if one vanished."""
+    """Run the services under load and link cuts, and say what became of every block and of memory.
+
+    Exit code 1 if a block vanished, or if a process surely grows faster than the limit (in ten minutes or more).
+    """
     from services.soak.soak import Wishes
     from services.soak.soak import soak as run
     from services.supervisor import Plan
@@ -51,4 +54,4 @@ def soak(
         answer = run(plan, wishes, stop=stop, clock=WallClock(), say=say, show=show, out=folder)
     text = "\n".join(f"{name}: {value}" for name, value in answer.items())
     emit(answer | ({"out": str(folder)} if folder else {}), text, as_json)
-    return 1 if answer["blocks_lost_silently"] else 0
+    return 1 if answer["blocks_lost_silently"] or answer["memory_grows"] else 0

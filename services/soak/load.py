@@ -8,14 +8,9 @@ import subprocess
 from collections.abc import Generator
 from contextlib import contextmanager
 
-import numpy as np
-
-from services.messages import Floats
 from services.process import python_line
 
 BUSY = "exec('while True: pass')"
-SETTLED = 0.3
-"""Part of the time after which memory counts: caches and compiled kernels are there by then."""
 _PAGE_MB = os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
@@ -51,17 +46,3 @@ def memory_mb(pid: int) -> float:
         return int(pathlib.Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1]) * _PAGE_MB
     except (OSError, IndexError):
         return float("nan")
-
-
-def slope_mb_h(time_s: Floats, held_mb: Floats) -> float | None:
-    """Return how fast memory grows once it has settled (MB/h), None when too little was seen.
-
-    Parameters
-    ----------
-    time_s, held_mb
-        When and how much, shape (n,).
-    """
-    known = np.isfinite(held_mb) & (time_s >= time_s[0] + SETTLED * (time_s[-1] - time_s[0]))
-    if known.sum() < 3:
-        return None
-    return float(3600.0 * np.polyfit(time_s[known], held_mb[known], 1)[0])

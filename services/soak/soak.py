@@ -24,8 +24,9 @@ from services.messages import MachineState, SampleBlock
 from services.node import Say
 from services.process import Stopped, StopSignal, command_line, router_line
 from services.soak.browser import FrameReader
+from services.soak.growth import judged
 from services.soak.link import Link
-from services.soak.load import busy, memory_mb, slope_mb_h
+from services.soak.load import busy, memory_mb
 from services.supervisor import START_S, Plan
 from services.wire import DecodeError
 from services.zenoh_bus import ZenohBus
@@ -265,18 +266,13 @@ def _answer(seen: Seen, said: dict[str, dict[str, Any]], wishes: Wishes) -> dict
         "soak": (seen.blocks, seen.gaps.missing().get(SERVO, 0)),
     }  # fmt: skip
     ages = 1e3 * np.array(seen.ages_s) if seen.ages_s else np.array([np.nan])
-    time = np.array(seen.memory_at)
-    slopes = {name: slope_mb_h(time, np.array(held)) for name, held in seen.memory.items() if len(held) == len(time)}
-    known = [slope for slope in slopes.values() if slope is not None]
     return {
         "blocks_sent": sent,
         "blocks_lost_counted": sum(lost for _, lost in had.values()),
         "blocks_lost_silently": sum(abs(sent - heard - lost) for heard, lost in had.values()),
         "age_p50_ms": float(np.percentile(ages, 50)), "age_p99_ms": float(np.percentile(ages, 99)),
         "age_max_ms": float(ages.max()),
-        "memory_slope_mb_h": max(known, default=None),
-        "memory_slopes_mb_h": slopes,
-        "memory_mb": {name: held[-1] for name, held in seen.memory.items() if held},
+        **judged(seen.memory_at, seen.memory),
         "heard": {name: {"blocks": heard, "counted_missing": lost} for name, (heard, lost) in had.items()},
         "link_cuts": seen.cuts, "late_by_cut": seen.late_by_cut,
         "missed_deadlines": int(said["machine"].get("overruns") or 0),
