@@ -34,7 +34,7 @@ from tests.mutation.mutants import Mutant, mutants
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SURVIVORS = pathlib.Path(__file__).with_name("survivors.toml")
 MODULES = ("guard", "guard_commands", "guard_conditions", "guard_limits", "guard_motion")
-PARTS = ("_limits", "_details", "_commands", "_motion", "", "_faults")
+PARTS = ("_limits", "_details", "_envelope", "_commands", "_motion", "", "_faults")
 TESTS = [f"tests/services/test_guard{part}.py" for part in PARTS]
 SLOW = "whatever_is_asked or any_length_of_block or moves_per_minute_at_the_edge or within_four_fifths"
 PYTEST = ["-q", "-x", "--tb=no", "-W", "ignore::pytest.PytestAssertRewriteWarning", "-k", f"not ({SLOW})", *TESTS]

@@ -7,7 +7,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 GUARD = sorted((ROOT / "services").glob("guard*.py"))
-PARTS = ("", "_commands", "_details", "_faults", "_limits", "_motion")
+PARTS = ("", "_commands", "_details", "_envelope", "_faults", "_limits", "_motion")
 TESTS = [f"tests/services/test_guard{part}.py" for part in PARTS]
 SLOW = ("whatever_is_asked", "any_length_of_block", "moves_per_minute_at_the_edge", "within_four_fifths")
 
