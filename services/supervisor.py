@@ -44,7 +44,7 @@ class Plan:
     arm_after_s
         When the machine arms its guard by itself (s); None: when the operator asks.
     lasts
-        Options of `machine` that say how long it goes on.
+        Options of `machine` that say how long it goes on, and through which adapter.
     identity
         Folder of certificates; without one only this computer reaches the bus.
     sensitivity

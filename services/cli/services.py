@@ -362,12 +362,17 @@ def up(
     identity: IdentityDir = None,
     sensitivity: Sensitivity = None,
     advise_only: AdviseOnly = False,
+    adapter: Adapter = "simulator",
+    linuxcnc: LinuxcncDir = None,
+    attach: Attach = False,
     as_json: JsonFlag = False,
 ) -> None:
     """Start router, machine, monitor and controller, and start again what dies."""
+    from services.machines.adapters import Choice
     from services.supervisor import Plan, keep_up
 
     config = load_case(case, sensitive(sensitivity))
+    choice = Choice(adapter=adapter, folder=linuxcnc, attach=attach)
     lasts = ["--forever"] if forever else []
     if duration_s is not None and not forever:
         lasts = ["--duration-s", str(positive("duration-s", duration_s, "s"))]
@@ -376,7 +381,7 @@ def up(
         machine=check_machine(name or config.settings.machine),
         seed=config.settings.seed if seed is None else seed,
         arm_after_s=arm_after_s,
-        lasts=tuple(lasts),
+        lasts=(*lasts, *choice.options()),
         identity=identity,
         sensitivity=config.monitor.sensitivity,
         advise_only=advise_only,
