@@ -165,8 +165,8 @@ class Bridge:
 
     def __init__(self, **signals):
         self.now, self.hal = 0.0, Hal(**signals)
-        self.linuxcnc = Linuxcnc()
-        self.bridge = BRIDGE["Bridge"](self.hal, self.linuxcnc, 0.1, lambda: self.now)
+        self.linuxcnc, self.orders = Linuxcnc(), []
+        self.bridge = BRIDGE["Bridge"](self.hal, self.linuxcnc, self, 0.1, lambda: self.now)
         self.run(0.05)
 
     def run(self, seconds, **move):
@@ -179,6 +179,12 @@ class Bridge:
 
     def tell(self, **told):
         self.bridge.hear(json.dumps(told))
+
+    def give(self, name, value):
+        self.orders.append((name, value))
+
+    def done(self):
+        return 0
 
     def armed(self):
         self.tell(do="arm")
@@ -230,6 +236,25 @@ def test_without_instructions_the_beat_stops():
     assert rig.hal.silence <= 2
 
 
+def test_the_first_instruction_after_arming_may_take_as_long_as_any_other():
+    rig = Bridge()
+    rig.tell(do="arm")
+    while rig.bridge.state != "armed":
+        rig.run(0.001)
+    rig.run(0.09)
+    assert rig.hal.silence <= 2
+    rig.run(0.2)
+    assert rig.hal.silence >= 150
+
+
+def test_orders_are_passed_on_and_a_wrong_one_is_rejected():
+    rig = Bridge()
+    rig.tell(do="control", name="load", value="turn.ngc")
+    rig.tell(do="control", name="jump")
+    assert rig.orders == [("load", "turn.ngc")]
+    assert rig.bridge.rejected == 1
+
+
 def test_a_trip_stops_the_beat_whatever_is_said():
     rig = Bridge().armed()
     rig.tell(do="trip")
@@ -246,7 +271,7 @@ def test_nonsense_moves_nothing_and_is_no_sign_of_life(words):
             rig.bridge.hear(line)
     rig.run(0.15)
     assert rig.hal.signals["ask-1"] == before
-    assert rig.bridge._heard is None
+    assert rig.bridge._heard == -math.inf
 
 
 def nonsensical():
@@ -267,7 +292,7 @@ def test_a_hal_without_our_signals_is_refused():
     hal = Hal()
     del hal.signals["arm"]
     with pytest.raises(BRIDGE["Refused"], match=r"without antiphase.hal: it has no signal arm"):
-        BRIDGE["Bridge"](hal, Linuxcnc(), 0.1)
+        BRIDGE["Bridge"](hal, Linuxcnc(), None, 0.1)
 
 
 def test_only_a_living_bridge_keeps_another_out():

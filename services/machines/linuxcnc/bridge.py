@@ -8,13 +8,14 @@ nothing: bounds and watchdog are in the servo thread. In, one object per line:
 {"do": "arm"}      clear the offsets, take back a latched fault; {"do": "disarm"} clear them and let go
 {"do": "trip"}     stop beating: freezes the offset, holds the feed, latched
 {"do": "hold", "on": true}                               feed hold
-{"do": "control", "name": "estop_reset", "value": ...}   one of CONTROL
+{"do": "control", "name": "estop_reset", "value": ...}   one of CONTROL; those in SLOW are answered when done
 {"do": "ping"}
 
 Out, one object per line: {"rows": [[cycle, ...], ...], "at": T, "status": {...}}; a row has what the sampler of
 `antiphase.hal` samples, `at` is when the last row was read, on this computer's monotonic clock.
 """
 
+import contextlib
 import json
 import math
 import os
@@ -30,6 +31,7 @@ PREFIX = "antiphase-"
 LOOP_S, SAY_S, STATUS_S = 0.001, 0.004, 0.01
 MOST_POINTS, MOST_AHEAD_S, MOST_UNREAD = 100, 0.002, 1 << 20
 REST_MM, NEAR_MM, ARMING_S, CYCLES = 1e-6, 5e-3, 3.0, 5
+SLOW = ("home", "load")
 CONTROL = ("estop", "estop_reset", "on", "off", "home", "load", "run", "abort", "manual")
 
 
@@ -50,6 +52,79 @@ class Refused(Exception):  # noqa: N818  (an answer, not a failure)
     """The bridge cannot be, or cannot do what it was asked."""
 
 
+def carry_out(linuxcnc, command, name, value):
+    """Give an order to the control, and wait where the next one depends on it."""
+    c = linuxcnc
+    states = {"estop": c.STATE_ESTOP, "estop_reset": c.STATE_ESTOP_RESET, "on": c.STATE_ON, "off": c.STATE_OFF}
+    if name in states:
+        command.state(states[name])
+    elif name == "home":
+        command.mode(c.MODE_MANUAL)
+        command.wait_complete()
+        command.teleop_enable(0)
+        command.wait_complete()
+        command.home(-1)
+    elif name == "load":
+        command.mode(c.MODE_AUTO)
+        command.wait_complete()
+        command.program_open(value)
+        command.wait_complete()
+    elif name == "run":
+        command.auto(c.AUTO_RUN, 0)
+    elif name == "abort":
+        command.abort()
+    else:
+        command.mode(c.MODE_MANUAL)
+
+
+class Orders:
+    """Gives orders to the control from a process of its own.
+
+    The control answers when its task comes round, on a busy computer after tenths of a second: the beat cannot wait.
+
+    Parameters
+    ----------
+    linuxcnc
+        The module.
+    """
+
+    def __init__(self, linuxcnc):
+        self._answers, answers = os.pipe()
+        orders, self._orders = os.pipe()
+        if os.fork() == 0:
+            nothing = os.open(os.devnull, os.O_RDWR)
+            for taken in (0, 1):
+                os.dup2(nothing, taken)
+            os.close(self._orders)
+            try:
+                self._serve(linuxcnc, orders, answers)
+            finally:
+                os._exit(0)
+        os.close(orders)
+        os.close(answers)
+        os.set_blocking(self._answers, False)
+
+    @staticmethod
+    def _serve(linuxcnc, orders, answers):
+        command = linuxcnc.command()
+        with os.fdopen(orders) as lines:
+            for line in lines:
+                with contextlib.suppress(linuxcnc.error, TypeError):  # what was not done is seen in the state
+                    carry_out(linuxcnc, command, *json.loads(line))
+                os.write(answers, b"." if json.loads(line)[0] in SLOW else b" ")
+
+    def give(self, name, value):
+        """Pass an order on."""
+        os.write(self._orders, json.dumps([name, value]).encode() + b"\n")
+
+    def done(self):
+        """Return how many of those that take long were carried out since the last call."""
+        try:
+            return os.read(self._answers, 1 << 10).count(b".")
+        except BlockingIOError:
+            return 0
+
+
 class Bridge:
     """The pins, the queue of points, and the sequence of arming.
 
@@ -57,20 +132,22 @@ class Bridge:
     ----------
     hal, linuxcnc
         The modules of LinuxCNC, or what acts like them.
+    orders
+        `Orders`, or what acts like them.
     fresh
         Time without a move after which the beat stops (s).
     now
         Monotonic clock (s).
     """
 
-    def __init__(self, hal, linuxcnc, fresh, now=time.monotonic):
+    def __init__(self, hal, linuxcnc, orders, fresh, now=time.monotonic):
         self._now, self._fresh, self._linuxcnc = now, fresh, linuxcnc
         self._pins = self._join(hal)
         self._stream = hal.stream(self._pins, hal.sampler_base, ROW)
-        self._stat, self._command = linuxcnc.stat(), linuxcnc.command()
+        self._stat, self._orders = linuxcnc.stat(), orders
         self._points = deque()
         self._rest((self._pins["x"], self._pins["y"]))
-        self._heard, self._tripped = None, False
+        self._heard, self._armed, self._tripped = -math.inf, -math.inf, False
         self._steps = self._done = self._row = None
         self._until, self._from, self.asked = 0.0, 0, 0
         self._beat, self._polled, self._said = False, -math.inf, -math.inf
@@ -144,29 +221,9 @@ class Bridge:
         self._begin(self._disarming)
 
     def _do_control(self, name, value=None):
-        c, command = self._linuxcnc, self._command
-        states = {"estop": c.STATE_ESTOP, "estop_reset": c.STATE_ESTOP_RESET, "on": c.STATE_ON, "off": c.STATE_OFF}
-        if name in states:
-            command.state(states[name])
-        elif name == "home":
-            self.asked += 1
-            command.mode(c.MODE_MANUAL)
-            command.wait_complete()
-            command.teleop_enable(0)
-            command.wait_complete()
-            command.home(-1)
-        elif name == "load":
-            self.asked += 1
-            command.mode(c.MODE_AUTO)
-            command.wait_complete()
-            command.program_open(value)
-            command.wait_complete()
-        elif name == "run":
-            command.auto(c.AUTO_RUN, 0)
-        elif name in ("abort", "manual"):
-            command.abort() if name == "abort" else command.mode(c.MODE_MANUAL)
-        else:
+        if name not in CONTROL:
             raise ValueError
+        self._orders.give(name, value)
 
     def _begin(self, sequence):
         if self.status.get("program") != "idle":
@@ -202,7 +259,7 @@ class Bridge:
         pins["ack"] = False
         yield "offset at 0", lambda row: all(abs(row[k]) < REST_MM for k in APPLIED)
         pins["clear"] = False
-        self.state = "armed"
+        self.state, self._armed = "armed", self._now()
 
     def _disarming(self):
         pins = self._pins
@@ -216,11 +273,12 @@ class Bridge:
     def turn(self):
         """Do what is due now."""
         now = self._now()
+        self.asked += self._orders.done()
         self._drain()
         self._advance(now)
         self._play(now)
         arming = self.state == "arming"
-        fresh = self._heard is not None and now - self._heard < self._fresh
+        fresh = now - max(self._heard, self._armed) < self._fresh
         if arming or (self.state == "armed" and fresh and not self._tripped):
             self._beat = not self._beat
             self._pins["beat"] = self._beat
@@ -286,7 +344,7 @@ def main(arguments):
     import linuxcnc
 
     try:
-        bridge = Bridge(hal, linuxcnc, float(arguments[0]))
+        bridge = Bridge(hal, linuxcnc, Orders(linuxcnc), float(arguments[0]))
     except (Refused, hal.error, linuxcnc.error, RuntimeError) as error:
         os.write(1, json.dumps({"refused": str(error) or "LinuxCNC does not answer"}).encode() + b"\n")
         return 3
