@@ -4,8 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,6 +20,7 @@ from services.figures.style import (
     MUTED,
     SHIFT,
     TWIN,
+    mark_times,
     new_figure,
     say,
     say_nothing,
@@ -32,16 +34,37 @@ BEFORE_S, AFTER_S = 0.08, 0.45
 
 
 @styled
-def linuxcnc_figure(trace: Mapping[str, Floats]) -> Figure:
-    """Draw both slides, what is left between request and motion, and the feed; whole and close up."""
+def linuxcnc_figure(
+    trace: Mapping[str, Floats],
+    *,
+    title: str = "LinuxCNC moves the turret",
+    marks: Sequence[tuple[float, str]] = (),
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    follower: str = "simulated slide",
+) -> Figure:
+    """Draw both slides, what is left between request and motion, and the feed; whole and close up.
+
+    Parameters
+    ----------
+    trace
+        As `read_trace` returns it.
+    title
+        Of the whole.
+    marks
+        Moments (s) and what happened then; the close-up begins with the first if there is no fault.
+    bounds
+        Of the slides (mm), by axis.
+    follower
+        What the third line is.
+    """
     figure = new_figure(12.4, 8.6)
     grid = figure.subplots(4, 2, sharex="col", width_ratios=[1.25, 1.0], height_ratios=[1.5, 1.5, 1.0, 1.0])
-    grid[0, 0].set_title("LinuxCNC moves the turret")
+    grid[0, 0].set_title(title)
     if not trace or trace["time_s"].size < 2:
         say_nothing(grid[0, 0], "nothing recorded")
         return figure
     time_s = trace["time_s"]
-    close, words = close_up(trace)
+    close, words = close_up(trace, marks)
     grid[0, 1].set_title(words)
     for column, window in enumerate(((float(time_s[0]), float(time_s[-1])), close)):
         panels: list[Axes] = list(grid[:, column])
@@ -50,22 +73,31 @@ def linuxcnc_figure(trace: Mapping[str, Floats]) -> Figure:
         for axes, (name, label) in zip(panels, AXES, strict=False):
             _draw_slide(axes, trace, name, window)
             axes.set_ylabel(label if column == 0 else "")
+            for bound in (bounds or {}).get(name, ()):
+                axes.axhline(bound, color=ALARM, linewidth=1.0, linestyle=(0, (1, 2)))
         _draw_left(panels[2], trace, window)
         _draw_feed(panels[3], trace, window)
         _draw_fault(panels, trace)
     grid[2, 0].set_ylabel("applied minus\nrequested (µm)")
     grid[3, 0].set_ylabel("feed (mm/s)")
-    _name_lines(grid[1, 1], trace, close)
+    _name_lines(grid[1, 0], (("requested (dashed)", INK), ("applied by LinuxCNC", CONTROLLED), (follower, TWIN)))
+    _name_lines(grid[2, 0], (("X1", SHIFT), ("Y1", MUTED)))
+    figure.draw_without_rendering()  # so that the marks know how wide the axes are
+    for row in grid:
+        for axes in row:
+            mark_times(axes, [(at, word, ALARM) for at, word in marks], labelled=axes in grid[0])
     return figure
 
 
-def close_up(trace: Mapping[str, Floats]) -> tuple[tuple[float, float], str]:
-    """Return the time (s) around the last fault, or else around the first move, and what it is called."""
+def close_up(trace: Mapping[str, Floats], marks: Sequence[tuple[float, str]] = ()) -> tuple[tuple[float, float], str]:
+    """Return the time (s) around the last fault, or else the first mark or move, and what it is called."""
     time_s = trace["time_s"]
     fault, move = (np.array([begin for begin, _ in spans(trace)][-1:]), _moves(trace))
     words = "Around the fault" if fault.size else "The first move" if move.size else "The end"
     at = float(time_s[int((fault if fault.size else move if move.size else np.array([time_s.size - 1]))[0])])
     before = 3.0 * BEFORE_S if fault.size else BEFORE_S
+    if marks and not fault.size:
+        at, words = marks[0][0], "Close up"
     return (max(at - before, float(time_s[0])), min(at + AFTER_S, float(time_s[-1]))), words
 
 
@@ -80,9 +112,9 @@ def _moves(trace: Mapping[str, Floats]) -> NDArray[np.intp]:
     return np.flatnonzero(asked > 0.0)
 
 
-def write_linuxcnc_figure(trace: Mapping[str, Floats], path: Path) -> Path:
-    """Write the figure as PNG and return where it is."""
-    linuxcnc_figure(trace).savefig(path, metadata={"Software": None})
+def write_linuxcnc_figure(trace: Mapping[str, Floats], path: Path, **words: Any) -> Path:
+    """Write the figure as PNG and return where it is; `words` as `linuxcnc_figure` takes them."""
+    linuxcnc_figure(trace, **words).savefig(path, metadata={"Software": None})
     return path
 
 
@@ -105,9 +137,7 @@ def _at_least(axes: Axes, height: float) -> None:
 
 def _draw_left(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, float]) -> None:
     part = slice_of(trace["time_s"], window)
-    for (name, _), colour, height in zip(AXES, (SHIFT, MUTED), (0.84, 0.14), strict=True):
-        where = {"transform": axes.get_xaxis_transform(), "ha": "right", "fontsize": 9}
-        say(axes, window[1], height, name.upper() + " ", colour, **where)
+    for (name, _), colour in zip(AXES, (SHIFT, MUTED), strict=True):
         left = 1e3 * (trace[f"applied_{name}_mm"] - trace[f"requested_{name}_mm"])[part]
         axes.plot(trace["time_s"][part], left, color=colour, linewidth=1.2)
     _at_least(axes, 2.0)
@@ -136,9 +166,9 @@ def _draw_fault(panels: list[Axes], trace: Mapping[str, Floats]) -> None:
             say(panels[0], begin, 0.93, " fault latched", ALARM, transform=panels[0].get_xaxis_transform(), fontsize=9)
 
 
-def _name_lines(axes: Axes, trace: Mapping[str, Floats], window: tuple[float, float]) -> None:
-    names = (("requested (dashed)", INK), ("applied by LinuxCNC", CONTROLLED), ("simulated slide", TWIN))
-    falls = trace["applied_y1_mm"][-1] < 0.0
-    for k, (word, colour) in enumerate(names):
-        height = (0.9 if falls else 0.34) - 0.13 * k
-        say(axes, window[1], height, word + " ", colour, ha="right", fontsize=9, transform=axes.get_xaxis_transform())
+def _name_lines(axes: Axes, names: Sequence[tuple[str, str]]) -> None:
+    """Write words in the colours of the lines above the axes, where no line runs."""
+    left = 0.0
+    for word, colour in names:
+        say(axes, left, 1.06, word, colour, fontsize=9, transform=axes.transAxes)
+        left += 0.014 * len(word) + 0.03

@@ -117,6 +117,14 @@ def test_an_aborted_program_leaves_the_offset_where_it_is(told):
     assert not seen["fault"]
 
 
+def test_disarming_takes_the_offset_back_and_lets_go(told):
+    seen = told["disarmed"]
+    assert seen["let_go_ms"] <= 500  # servo cycles
+    assert seen["state"] == "idle"
+    assert seen["at_um"] <= 1.0  # also after 0.2 s of instructions
+    assert not seen["fault"]
+
+
 def test_a_second_bridge_and_a_second_control_are_refused(told):
     seen = told["second"]
     assert "another bridge" in seen["bridge"]
@@ -128,6 +136,12 @@ def test_a_second_bridge_and_a_second_control_are_refused(told):
 def test_nothing_is_armed_before_the_machine_is_on_and_homed(told):
     assert "emergency stop" in told["off_at_start"]
     assert "not homed" in told["not_homed"]
+
+
+def test_the_adapter_keeps_the_contract_of_a_machine(tmp_path):
+    seen = room("conforms", folder=tmp_path)
+    assert len(seen["found"]) == 12
+    assert [(name, detail) for name, ok, detail in seen["found"] if not ok] == []
 
 
 def test_linuxcnc_avoids_chatter_and_freezes_when_the_monitor_dies(tmp_path):
