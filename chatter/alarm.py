@@ -3,7 +3,7 @@
 from collections import deque
 from copy import deepcopy
 from dataclasses import dataclass, field
-from math import ceil
+from math import ceil, exp
 from typing import Any
 
 from chatter.estimate import MonitorConfig
@@ -24,12 +24,22 @@ RISE = 2.0
 """Amplitude over the usual one that an onset reaches."""
 SAME = 2
 """Blocks in a row in which the main line must be found at the same frequency: what rings after a blow wanders."""
-JUMP = 4.0
-"""Amplitude over that of the block before that no growth explains, two lines that beat included: a blow."""
+LEAP = 5.0
+"""Power of a block over that of the block before that growth does not explain (80 1/s): a blow, or lines that beat."""
+STRIKE, BEFORE = 25.0, 4
+"""The same over the largest of so many blocks before the last two, which no lines that grow and beat reach (80 1/s over
+20 ms): a blow, however plain its ring."""
+EDGE, AGAIN = 10, 1.5
+"""Blocks for which the stretch in which growth is measured holds the edge of a blow; and power over that of the blow
+which vibration reaches that grows all the same."""
+PLAIN = 0.95
+"""Share of the signal that lines which grow and beat explain, and the ring of a blow does not."""
+SURE, SOON = 3, 0.02
+"""Blocks in a row in which plain growth was seen that may be taken for granted, for so long ahead (s)."""
 STANDING = 0.2
 """Time for which a vibration must stand over both limits to count without having been seen to grow (s)."""
 LASTING = 0.5
-"""Mean square over that at the start of this time: what falls at 5 1/s or faster keeps less than a seventh."""
+"""Mean square over the largest in this time: what falls at 5 1/s or faster keeps less than a seventh."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +64,8 @@ class Evidence:
         Blocks in a row in which the main line was found at the same frequency.
     level : float
         Squared amplitude of the band in the last 20 ms.
+    newest : float
+        Squared amplitude of the band in the block itself.
     age : int
         Blocks since start, entry or exit.
     """
@@ -66,13 +78,31 @@ class Evidence:
     growth: float = 0.0
     seen: int = 0
     level: float = 0.0
+    newest: float = 0.0
     age: int = 0
+
+
+@dataclass(slots=True, kw_only=True)
+class _Edge:
+    """A sudden rise, and the power to which it led."""
+
+    since: int = EDGE
+    power: float = 0.0
+
+    def look(self, rises: bool, level: float) -> None:
+        """Take a block in; what rises may lie across two blocks."""
+        if rises or self.since < 1:
+            self.power = max(level, self.power if self.since < 1 else 0.0)
+        self.since = 0 if rises else self.since + 1
+
+    def is_over(self, level: float) -> bool:
+        """Return whether growth is no longer that of the rise itself."""
+        return self.since >= EDGE or (self.since > 1 and level >= AGAIN * self.power)
 
 
 @dataclass(slots=True, kw_only=True)
 class _Memory:
     on: bool = False
-    fresh: float = 0.0
     grown: int = 0
     over: bool = False
     stood: int = 0
@@ -80,6 +110,9 @@ class _Memory:
     resumes: bool = False
     squares: deque[float] = field(default_factory=deque[float])
     levels: deque[float] = field(default_factory=deque[float])
+    recent: deque[float] = field(default_factory=lambda: deque[float](maxlen=BEFORE + 2))
+    leap: _Edge = field(default_factory=_Edge)
+    strike: _Edge = field(default_factory=_Edge)
 
 
 class Alarm:
@@ -144,10 +177,9 @@ class Alarm:
         """
         memory = self._memory
         self._keep(seen)
-        blow = seen.fresh > JUMP**2 * max(memory.fresh, BEGUN**2)
-        growing = SLOWEST <= seen.growth <= FASTEST and seen.explained >= CLEAR and seen.fresh >= BEGUN**2 and not blow
+        growing = SLOWEST <= seen.growth <= FASTEST and seen.explained >= CLEAR and seen.fresh >= BEGUN**2
         growing &= seen.age > ENTRY
-        memory.grown, memory.fresh = memory.grown + 1 if growing else max(memory.grown - LEAK, 0), seen.fresh
+        memory.grown = memory.grown + 1 if growing else max(memory.grown - LEAK, 0)
         memory.over = growing and seen.fresh >= 1.0
         coherent = seen.regenerative and seen.explained >= COHERENT
         memory.stood = memory.stood + 1 if seen.both and coherent else 0
@@ -155,14 +187,21 @@ class Alarm:
         if memory.on:
             memory.on = memory.lowered < self._window_blocks
             return False
-        onset = memory.grown >= self._confirm and seen.seen >= SAME and coherent and seen.fresh >= 1.0
-        memory.on = (onset and self._rises(seen.level)) or self._stands()
+        onset = memory.grown >= self._confirm and seen.seen >= SAME and coherent
+        memory.on = (onset and self._reaches(seen) and self._rises(seen.level)) or self._stands()
         memory.resumes = memory.resumes and not memory.on
         return memory.on
 
     def _keep(self, seen: Evidence) -> None:
         """Remember what was usual in the last second of this cut, after the blow of the entry."""
         memory = self._memory
+        recent = memory.recent
+        if seen.age <= 1:
+            recent.clear()
+        memory.leap.look(not recent or seen.newest > LEAP * recent[-1], seen.level)
+        recent.append(seen.newest)
+        before, now = list(recent)[:-2], list(recent)[-2:]
+        memory.strike.look(len(before) == BEFORE and max(now) > STRIKE * max(before), seen.level)
         memory.squares.append(seen.square)
         if len(memory.squares) > self._standing + 1:
             memory.squares.popleft()
@@ -172,6 +211,17 @@ class Alarm:
         if len(memory.levels) > USUAL:
             memory.levels.popleft()
 
+    def _reaches(self, seen: Evidence) -> bool:
+        """Return whether growth has reached the limit, or surely will at once; the edge of a blow is no growth."""
+        memory, plain = self._memory, seen.explained >= PLAIN
+        if not memory.strike.is_over(seen.level):
+            return False
+        grows = memory.leap.is_over(seen.level)
+        if seen.fresh >= 1.0:
+            return plain or grows
+        sure = plain and grows and min(memory.grown, seen.seen) >= SURE
+        return sure and seen.fresh * exp(2.0 * seen.growth * SOON) >= 1.0
+
     def _rises(self, level: float) -> bool:
         """Return whether the vibration is well over what was usual, as far as that is known."""
         levels = sorted(self._memory.levels)
@@ -180,5 +230,5 @@ class Alarm:
     def _stands(self) -> bool:
         memory = self._memory
         blocks = self._window_blocks if memory.resumes else self._standing
-        lasts = len(memory.squares) > blocks and memory.squares[-1] >= LASTING * memory.squares[-1 - blocks]
-        return memory.stood >= blocks and lasts
+        squares = list(memory.squares)[-1 - blocks :]
+        return memory.stood >= blocks and len(squares) > blocks and squares[-1] >= LASTING * max(squares)

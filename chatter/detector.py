@@ -161,7 +161,7 @@ class Detector:
 
     def _judge(self, power: Floats, square: float, fresh: float, limit: Limit, over: int) -> None:
         """Look at the lines where it is worth it, and raise or end the alarm."""
-        lines, alarm = self._lines, self._alarm
+        lines, alarm, newest = self._lines, self._alarm, self._memory.newest
         least = LOOK**2
         near = fresh > least * limit.line.min() or square > least * limit.square or (power > least * limit.line).any()
         if near or alarm.on:
@@ -170,7 +170,7 @@ class Detector:
             lines.forget()
         main = lines.main
         if main is None:
-            alarm.step(Evidence(square=square, both=over == 2, level=fresh, age=self._memory.age))
+            alarm.step(Evidence(square=square, both=over == 2, level=fresh, newest=newest, age=self._memory.age))
             return
         place = int(np.abs(self._frequencies_hz - main.line.frequency_hz).argmin())
         raised = alarm.step(
@@ -183,6 +183,7 @@ class Detector:
                 growth=lines.growth,
                 seen=lines.seen,
                 level=fresh,
+                newest=newest,
                 age=self._memory.age,
             )
         )

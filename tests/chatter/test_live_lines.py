@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from chatter.baseband import Baseband
 from chatter.refinement import settled
@@ -107,6 +109,23 @@ def test_entry_exit_knocks_and_changes_of_speed_are_no_chatter():
     assert not any(e.state == "chatter" for e in out)
     grown = growing(6.0, 5.0, 655.0, 30.0, 0.15, 30.0)
     assert any(e.state == "chatter" for e in last(signal + grown[:, None], in_cut=cut, spindle_hz=24.0) if end(e) < 5.3)
+
+
+@settings(max_examples=40)
+@given(
+    at=st.floats(1.6, 1.7), size=st.floats(2.0, 60.0), shares=st.tuples(st.floats(0.1, 1.0), st.floats(0.0, 1.0)),
+    decays=st.tuples(st.floats(5.0, 40.0), st.floats(5.0, 40.0)), apart_hz=st.floats(20.0, 90.0),
+    seed=st.integers(0, 99),
+)  # fmt: skip
+def test_the_ring_of_a_blow_is_no_chatter_whenever_it_comes(at, size, shares, decays, apart_hz, seed):
+    rng = np.random.default_rng(seed)
+    time = np.arange(round(2.1 * RATE)) / RATE
+    signal, since = noise(rng, 2.1, 0.35), np.clip(time - at, 0.0, None)
+    for share, decay, frequency_hz in zip(shares, decays, (600.0, 600.0 + apart_hz), strict=True):
+        ring = share * size * np.exp(-decay * since) * np.sin(2.0 * np.pi * frequency_hz * since)
+        signal += (ring * (time >= at))[:, None]
+    out = last(signal, in_cut=after(0.5), spindle_hz=21.7)
+    assert not any(e.state == "chatter" for e in out)
 
 
 def test_the_stated_rate_of_false_alarms_follows_the_sensitivity():
