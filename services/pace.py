@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import uuid
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -36,6 +37,8 @@ NEEDED = frozenset(("monitor", "controller"))
 MOST_TAKEN = 64
 """Messages of a topic that are looked at in one block; what floods beyond that is thrown away unread."""
 FINE_S, WATCH_S, COARSE_S = 0.0002, 0.004, 0.001
+MOST_LATENCIES = 100_000
+"""Of how many commands the latency is kept: those of the last quarter of an hour; a machine runs for weeks."""
 LINGER_S = 0.3
 """How long the command that the last block caused is waited for."""
 
@@ -48,7 +51,7 @@ class Paced:
     overruns: int = 0
     slipped_s: float = 0.0
     wall_s: float = 0.0
-    latency_ms: list[float] = field(default_factory=list[float])
+    latency_ms: deque[float] = field(default_factory=lambda: deque(maxlen=MOST_LATENCIES))
     stopped: bool = False
     state: MachineState | None = None
 
@@ -65,7 +68,7 @@ class Paced:
             "commands_accepted": last.commands_accepted if last else 0,
             "commands_rejected": last.commands_rejected if last else 0,
             "commands_late": last.commands_late if last else 0,
-        } | ({"latency_ms": self.latency_ms} if every_latency else {})  # fmt: skip
+        } | ({"latency_ms": list(self.latency_ms)} if every_latency else {})  # fmt: skip
 
 
 class PacedMachine:

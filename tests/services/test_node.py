@@ -6,7 +6,7 @@ from services.bus import Received
 from services.errors import RefusalError
 from services.messages import Event, OperatorRequest, SampleBlock, Tick, TurretCommand
 from services.node import SILENCE_S, Herald, Tenancy
-from services.pace import MOST_TAKEN, PacedMachine
+from services.pace import MOST_LATENCIES, MOST_TAKEN, Paced, PacedMachine
 from services.process import StopSignal
 from services.shelf import Shelf
 from services.wire import encode, encoding_of, topic_of
@@ -143,7 +143,15 @@ def test_commands_are_taken_before_the_block_and_timed_by_their_cause():
     counts = paced(bus, clock, node).run(5, arm_block=None, wait_s=1.0)
     order = [m.block if isinstance(m, Tick) else f"command {m.sequence}" for m in node.given]
     assert order == [0, "command 0", 1, "command 1", 2, "command 2", 3, "command 3", 4, "command 4"]
-    assert counts.latency_ms == pytest.approx([1.0] * 5)
+    assert list(counts.latency_ms) == pytest.approx([1.0] * 5)
+
+
+def test_a_machine_that_runs_for_weeks_keeps_the_latest_latencies_only():
+    counts = Paced()
+    counts.latency_ms.extend(float(k) for k in range(3 * MOST_LATENCIES))
+    told = counts.summary(every_latency=True)
+    assert told["latency_ms"] == [float(k) for k in range(2 * MOST_LATENCIES, 3 * MOST_LATENCIES)]
+    assert told["loop_p50_ms"] == pytest.approx(2.5 * MOST_LATENCIES - 0.5)
 
 
 def test_arming_is_a_request_that_everybody_hears():

@@ -328,7 +328,7 @@ import pathlib, sys, time
 from services.messages import TOPICS
 from services.recording_writer import McapRecorder
 from tests.services.test_recording_file import METADATA, message_of
-recorder = McapRecorder(pathlib.Path(sys.argv[1]), METADATA)
+recorder = McapRecorder(pathlib.Path(sys.argv[1]), METADATA, part_chunks=int(sys.argv[2]))
 start, number = time.monotonic(), 0
 while True:
     time.sleep(max(0.0, start + 0.01 * number - time.monotonic()))
@@ -341,11 +341,12 @@ CALM_TURNS, CALM_NS = 40, 25_000_000
 
 
 @pytest.mark.system
-def test_a_writer_that_is_killed_loses_less_than_100_ms(tmp_path):
+@pytest.mark.parametrize("part_chunks", [10**6, 8])
+def test_a_writer_that_is_killed_loses_less_than_100_ms(tmp_path, part_chunks):
     """100 turns a second on 8 topics; killed when its last 40 turns came in time, so a busy machine only delays it."""
     path = tmp_path / "run.mcap"
     root = pathlib.Path(__file__).resolve().parents[2]
-    command = [sys.executable, "-c", WRITER, str(path)]
+    command = [sys.executable, "-c", WRITER, str(path), str(part_chunks)]
     with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as writer:
         turns = []
         for line in writer.stdout:
@@ -365,3 +366,4 @@ def test_a_writer_that_is_killed_loses_less_than_100_ms(tmp_path):
     assert {topic_of(type(message)) for _, message, _ in reader.messages()} == set(TOPICS)
     assert reader.metadata == METADATA
     assert "no end" in reader.notes[-1]
+    assert (len(list(tmp_path.iterdir())) > 3) == (part_chunks == 8)
