@@ -36,7 +36,7 @@ def session_settings(
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,
-        "adminspace/enabled": True,
+        "adminspace/enabled": mode == "router",  # it says where it listens; 1 KB of each client's would stay with it
         "timestamping/enabled": True,
         "queries_default_timeout": RECOVERY_MS,
         "transport/shared_memory/enabled": False,

@@ -13,7 +13,7 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Callable
-from typing import TextIO
+from typing import Any, TextIO
 
 from services.clock import Clock
 
@@ -26,6 +26,8 @@ _DENIED = re.compile(
 _NAME = re.compile(rb"([0-9a-f]+) on \S*CertCommonName\(([^)]*)\)")
 _STRANGER = re.compile(rb"zenoh_link_(?:tls|quic)::unicast: (.*?)\. Hint:")
 _CACHE = b"/@adv/"
+MOST_KNOWN = 1000
+"""Sessions, and refusals, that are remembered: a router runs for weeks, and whoever is refused chooses what is told."""
 
 
 class Audit:
@@ -54,7 +56,7 @@ class Audit:
         keep = last if b"unauthorized" in text[last:end] else end  # its second line has not come yet
         text, self._rest = text[:keep], text[keep:]
         for who, name in _NAME.findall(text):
-            self._names[who] = name.decode(errors="replace")
+            _remember(self._names, who, name.decode(errors="replace"))
         for who, what, key in _DENIED.findall(text):
             if _CACHE in key and what != b"Query":
                 continue  # the cache of a publisher that may not publish: its put is told
@@ -63,11 +65,19 @@ class Audit:
             self._note(f"somebody without a valid certificate is not let in ({why.decode(errors='replace')})")
 
     def _note(self, text: str) -> None:
-        self.counts[text] += 1
+        _remember(self.counts, text, self.counts[text] + 1)
         now = self._clock.now()
         if now - self._told.get(text, -1.0) >= 1.0:
-            self._told[text] = now
+            _remember(self._told, text, now)
             self._tell(text)
+
+
+def _remember(known: dict[Any, Any], key: Any, value: Any) -> None:
+    """Note something, and forget what was noted longest ago when there is too much."""
+    known.pop(key, None)
+    known[key] = value
+    if len(known) > MOST_KNOWN:
+        del known[next(iter(known))]
 
 
 def listen_to_zenoh(audit: Audit, start: Callable[[str], None]) -> TextIO:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from services.clock import utc_now
 from services.errors import InputError
 from services.messages import TOPICS
-from services.security.audit import Audit
+from services.security.audit import MOST_KNOWN, Audit
 from services.security.authority import make_authority
 from services.security.endpoints import check_private
 from services.security.identity import load_identity
@@ -187,6 +187,19 @@ def test_the_audit_reads_refusals_however_the_log_is_cut(cuts):
         "somebody without a valid certificate is not let in (invalid peer certificate: Bad)",
     }
     assert sorted(audit.counts.values()) == [1, 1, 2]
+
+
+def test_a_flood_of_refusals_and_sessions_fills_no_memory():
+    told = []
+    audit = Audit(told.append, Still())
+    for number in range(3 * MOST_KNOWN):
+        text = DENIED.replace("5ecd", f"{number:x}").replace("/m/", f"/m{number}/")
+        audit.feed((LINK.replace("5ecd", f"{number:x}") + text).encode())
+    assert len(told) == 3 * MOST_KNOWN
+    assert told[-1] == f"dashboard may not put antiphase/m{3 * MOST_KNOWN - 1}/pitch/command"
+    assert len(audit.counts) == MOST_KNOWN
+    audit.feed(DENIED.replace("5ecd", "0").encode())
+    assert told[-1] == "somebody may not put antiphase/m/pitch/command", "the first session has been forgotten"
 
 
 def test_certs_and_doctor_on_the_command_line(capsys, tmp_path):
