@@ -51,7 +51,7 @@ def linuxcnc_figure(
     title
         Of the whole.
     marks
-        Moments (s) and what happened then; the close-up begins with the first if there is no fault.
+        Moments (s) and what happened then; the first one is seen close up.
     bounds
         Of the slides (mm), by axis.
     follower
@@ -90,14 +90,14 @@ def linuxcnc_figure(
 
 
 def close_up(trace: Mapping[str, Floats], marks: Sequence[tuple[float, str]] = ()) -> tuple[tuple[float, float], str]:
-    """Return the time (s) around the last fault, or else the first mark or move, and what it is called."""
+    """Return the time (s) around the first mark, else the last fault or the first move, and what it is called."""
     time_s = trace["time_s"]
     fault, move = (np.array([begin for begin, _ in spans(trace)][-1:]), _moves(trace))
     words = "Around the fault" if fault.size else "The first move" if move.size else "The end"
     at = float(time_s[int((fault if fault.size else move if move.size else np.array([time_s.size - 1]))[0])])
-    before = 3.0 * BEFORE_S if fault.size else BEFORE_S
-    if marks and not fault.size:
+    if marks:
         at, words = marks[0][0], "Close up"
+    before = 3.0 * BEFORE_S if fault.size and not marks else BEFORE_S
     return (max(at - before, float(time_s[0])), min(at + AFTER_S, float(time_s[-1]))), words
 
 

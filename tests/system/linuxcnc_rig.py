@@ -161,3 +161,9 @@ def picture(rows, path, marks=(), bounds=None):
     times = [(1e-3 * (cycle - rows[0].cycle), word) for cycle, word in marks]
     words = {"title": path.stem.replace("_", " "), "follower": "joint"}
     write_linuxcnc_figure(columns, path, marks=times, bounds=bounds, **words)
+
+
+def place_drift(trace, part):
+    """Return how far the joints went from where they were first in a part of a trace (um)."""
+    places = np.array([trace["joint_1_mm"][part], trace["joint_2_mm"][part]])
+    return 1e3 * float(np.hypot(*(places - places[:, :1])).max()) if places.size else 0.0

@@ -8,18 +8,13 @@ import json
 import os
 import pathlib
 import sys
-import time
 
-import numpy as np
-
-from services.closed_loop import Loop
 from services.config import load_case
 from services.machines.adapters import Choice, open_machine
 from services.machines.conformance import RUN, Trial, conformance
 from services.machines.linuxcnc.control import LOCK, Control, running
 from services.machines.linuxcnc.settings import load_settings
-from services.machines.linuxcnc.trace import Trace
-from services.messages import ChatterReport, MachineState
+from tests.system.linuxcnc_chain import chain
 from tests.system.linuxcnc_rig import TRIES, Busy, Pace, Rig, lathe, patient, picture
 from tests.system.linuxcnc_scenes import QUIET, SCENES
 
@@ -85,71 +80,6 @@ def moves(count=9):
         return {"first_motion_ms": node.first_motion_ms, "said": said, "load": os.getloadavg()[0]}
 
 
-def loop(blocks=330):
-    """Close the loop over LinuxCNC in one process, paced; the program feeds, the monitor is killed at the end."""
-    case = load_case("thesis-652")
-    closed = Loop(case, 1, _Still(), 2.2)
-    run = closed.machine._run
-    with lathe() as folder, open_machine(Choice(adapter="linuxcnc", folder=patient(folder)), case, 1, run) as node:
-        node.prepare()
-        closed.wrap("machine", lambda _: node)
-        pace = Pace()
-        for number in range(blocks):
-            pace()
-            closed.step(number)
-        tape = closed.tape
-        killed_at = blocks
-        closed.wrap("monitor", lambda _: _Dead())
-        while tape.of(MachineState)[-1].guard_state != "FAULT" and number < killed_at + 300:
-            pace()
-            number += 1
-            closed.step(number)
-        latest = number + 200
-        while number < latest:  # until the watchdog has seen it, and for a while after that
-            pace()
-            number += 1
-            closed.step(number)
-            if node.link.last.fault and latest > number + 20:
-                latest = number + 20
-        last, trace = tape.of(MachineState), node.trace
-        return summary_of(tape, last, trace, killed_at)
-
-
-def summary_of(tape, states, trace: Trace, killed_at):
-    from services.machines.linuxcnc.trace import COLUMNS
-
-    values = dict(zip(COLUMNS, np.array(trace.rows).T, strict=True))
-    frozen = values["applied_y1_mm"][values["fault"] > 0.5]
-    before = values["time_s"] < 0.01 * killed_at
-    return {
-        "detected": any(r.state == "chatter" for r in tape.of(ChatterReport)),
-        "at_end": [r.state for r in tape.of(ChatterReport)[-20:]],
-        "shift_deg": states[killed_at - 1].shift_applied_deg,
-        "states": sorted({state.guard_state for state in states[killed_at:]}), "reason": states[-1].reason,
-        "latched": bool(values["fault"][-1]), "before": bool(values["fault"][before].any()),
-        "drift_um": float(1e3 * np.ptp(frozen)) if frozen.size else None,
-        "feed_mm": float(values["feed_mm"][before][-1]), "homed": states[-1].homed,
-    }  # fmt: skip
-
-
-class _Still:
-    def now(self):
-        return time.monotonic()
-
-    def sleep_until(self, moment):
-        pass
-
-
-class _Dead:
-    subscribes = ()
-
-    def prepare(self):
-        pass
-
-    def handle(self, message):
-        return []
-
-
 def cycles(count=3):
     """Start and stop; nothing may be left."""
     left = []
@@ -165,4 +95,5 @@ def cycles(count=3):
 if __name__ == "__main__":
     name, *given = sys.argv[1:]
     values = [int(word) if word.isdigit() else word for word in given]
-    sys.stdout.write(json.dumps(globals()[name](*values)) + "\n")
+    scenes = {"faults": faults, "conforms": conforms, "moves": moves, "chain": chain, "cycles": cycles}
+    sys.stdout.write(json.dumps(scenes[name](*values)) + "\n")

@@ -254,9 +254,10 @@ class LinuxcncNode(MachineNode):
         guard = self._guard
         if guard.feed_inhibit_requested and not self._tripped and self.link.armed:
             self._tripped = self.link.tell(do="trip")
-        if guard.feed_hold_requested != self._held:
-            self._held = guard.feed_hold_requested
-            self.link.tell(do="hold", on=self._held)
+        hold = guard.feed_hold_requested or guard.feed_inhibit_requested  # the freeze comes one watchdog later
+        if hold != self._held:
+            self._held = hold
+            self.link.tell(do="hold", on=hold)
 
     def _path_limits(self, speed: float | None) -> TrajectoryLimits:
         limits = super()._path_limits(speed)
