@@ -163,7 +163,7 @@ def _draw_fault(panels: list[Axes], trace: Mapping[str, Floats]) -> None:
         for axes in panels:
             axes.axvspan(begin, end, color="#f6e8ef", linewidth=0, zorder=0)
         if low <= begin <= high:
-            say(panels[0], begin, 0.93, " fault latched", ALARM, transform=panels[0].get_xaxis_transform(), fontsize=9)
+            say(panels[3], begin, 0.88, " fault latched", ALARM, transform=panels[3].get_xaxis_transform(), fontsize=9)
 
 
 def _name_lines(axes: Axes, names: Sequence[tuple[str, str]]) -> None:

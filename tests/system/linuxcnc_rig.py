@@ -20,6 +20,8 @@ PROGRAMS = {
 }
 REST_MM = 1e-4
 TRIES = 4
+LEAD_CYCLES = 250
+"""A figure begins so long before the first event."""
 
 
 class Busy(Exception):
@@ -33,6 +35,7 @@ class Rig:
         self.folder, self.control = folder, control
         self.settings = load_settings(folder)
         self.rows, self.marks, self.link = [], [], None
+        self.begin = self.end = 0
         self.join()
 
     def join(self):
@@ -88,7 +91,8 @@ class Rig:
             self.until(lambda: link.status["program"] == "runs", x=0.0)
 
     def back(self):
-        """Leave the place that a program brought the axes to."""
+        """Leave the place that a program brought the axes to; the scene is over."""
+        self.end = len(self.rows)
         for _ in range(TRIES):
             self.arm("home")
             self.until(lambda: self.link.status["program"] == "idle" or self.rows[-1].fault, x=0.0)
@@ -146,18 +150,21 @@ class Pace:
         time.sleep(max(0.0, self.due - time.monotonic()))
 
 
-def picture(rows, path, marks=(), bounds=None):
-    """Draw a scene, to be looked at; `marks` are cycles and words."""
+def picture(rows, path, marks, bounds=None):
+    """Draw a scene, to be looked at; `marks` are cycles and words, the first is the event."""
     from services.figures.linuxcnc import write_linuxcnc_figure
     from services.machines.linuxcnc.trace import COLUMNS
 
     path.parent.mkdir(parents=True, exist_ok=True)
+    rows = [row for row in rows if row.cycle >= marks[0][0] - LEAD_CYCLES]
+    base = next(row for row in rows if row.cycle >= marks[0][0])
     columns = {name: np.array([getattr(row, name, math.nan) for row in rows], dtype=float) for name in COLUMNS}
     columns["time_s"] = 1e-3 * (columns["cycle"] - columns["cycle"][0])
     for k, axis in ((1, "x1"), (2, "y1")):
         columns[f"requested_{axis}_mm"] = np.array([getattr(row, f"bounded_{k}_mm") for row in rows])
         columns[f"applied_{axis}_mm"] = np.array([getattr(row, f"applied_{k}_mm") for row in rows])
-        columns[f"simulated_{axis}_mm"] = np.array([getattr(row, f"joint_{k}_mm") for row in rows])
+        stood = getattr(base, f"joint_{k}_mm") - getattr(base, f"applied_{k}_mm")  # where the program had it
+        columns[f"simulated_{axis}_mm"] = np.array([getattr(row, f"joint_{k}_mm") - stood for row in rows])
     times = [(1e-3 * (cycle - rows[0].cycle), word) for cycle, word in marks]
     words = {"title": path.stem.replace("_", " "), "follower": "joint"}
     write_linuxcnc_figure(columns, path, marks=times, bounds=bounds, **words)

@@ -22,9 +22,10 @@ from tests.system.linuxcnc_scenes import QUIET, SCENES
 def play(rig, name):
     """Play a scene; again when the watchdog spoke unasked, as it may where a computer tests on all its cores."""
     for _ in range(TRIES):
-        rig.begin = len(rig.rows)
+        rig.begin, rig.end = len(rig.rows), 0
         with contextlib.suppress(Busy):
             seen = SCENES[name](rig)
+            rig.end = rig.end or len(rig.rows)
             if name not in QUIET or not seen["fault"]:
                 return seen
     return {"busy": f"the watchdog spoke unasked {TRIES} times", "fault": True}
@@ -32,7 +33,7 @@ def play(rig, name):
 
 def faults(out=None):
     """Play every scene on one control."""
-    told, begins = {}, {}
+    told, spans = {}, {}
     with lathe() as folder, Control(load_settings(folder)) as control:
         rig = Rig(folder, control)
         told["off_at_start"] = rig.link.unready()
@@ -44,13 +45,12 @@ def faults(out=None):
         rig.link.bring_up()
         for name in SCENES:
             told[name] = play(rig, name)
-            begins[name] = rig.begin
+            spans[name] = slice(rig.begin, rig.end)
         rig.link.close()
         told["log"] = control.log()
-    ends = [*begins.values(), len(rig.rows)][1:]
     axes = {"x1": rig.settings.first, "y1": rig.settings.second}
-    for (name, begin), end in zip(begins.items() if out else (), ends, strict=False):
-        rows = rig.rows[begin:end]
+    for name, span in spans.items() if out else ():
+        rows = rig.rows[span]
         marks = [mark for mark in rig.marks if rows[0].cycle <= mark[0] <= rows[-1].cycle]
         bounds = {key: (axis.low_mm, axis.high_mm) for key, axis in axes.items()} if name == "nonsense" else None
         picture(rows, pathlib.Path(out) / f"{name}.png", marks, bounds)
@@ -81,15 +81,19 @@ def moves(count=9):
 
 
 def cycles(count=3):
-    """Start and stop; nothing may be left."""
+    """Start and stop control and bridge; nothing may be left."""
     left = []
     before = set(os.listdir("/tmp"))
     for _ in range(count):
         with lathe() as folder, Control(load_settings(folder)) as control:
+            rig = Rig(folder, control)
+            rig.link.bring_up()
             refused = running()
+            rig.link.close()
         shared = pathlib.Path("/proc/sysvipc/shm").read_text().splitlines()[1:]
         left.append([control.left(), LOCK.exists(), len(shared), bool(refused), running()])
-    return {"left": left, "files": sorted(n for n in set(os.listdir("/tmp")) - before if "antiphase" in n)}
+    ours = ("antiphase-linuxcnc-", "antiphase-lathe-", "lathe-")
+    return {"left": left, "files": sorted(n for n in set(os.listdir("/tmp")) - before if n.startswith(ours))}
 
 
 if __name__ == "__main__":
