@@ -145,6 +145,8 @@ def test_the_adapter_keeps_the_contract_of_a_machine(tmp_path):
 
 def test_linuxcnc_avoids_chatter_and_freezes_when_the_monitor_is_killed_in_mid_move(tmp_path):
     seen = room("chain", "moving", folder=tmp_path)
+    if "busy" in seen:
+        pytest.skip(f"too busy for real time here: {seen['busy']}")
     assert seen["detected"]
     assert 0.3 <= abs(seen["shift_deg"]) <= 2.0  # when the monitor died
     assert 2.0 <= abs(seen["shift_at_end_deg"]) <= 3.6  # the move ends where the last command said, and no further
