@@ -129,12 +129,13 @@ def demo(
     `demo linuxcnc` is `demo thesis-652 --adapter linuxcnc`: the turret's motion is LinuxCNC's own.
     """
     from services.demo import run_demo
-    from services.machines.adapters import Choice
+    from services.machines.adapters import Choice, check_choice
     from services.recording_writer import McapRecorder
 
     case, adapter = ("thesis-652", "linuxcnc") if case == "linuxcnc" else (case, adapter)
     choice = Choice(adapter=adapter, folder=linuxcnc)
     config, used, armed = _announced(case, seed, arm_after_s, sensitivity, as_json, advise_only)
+    check_choice(choice, config)
     name = config.name if adapter == "simulator" else f"{config.name}-{adapter}"
     folder = writable_folder(out or pathlib.Path("runs") / name) or pathlib.Path()
     clock = WallClock()

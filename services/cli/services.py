@@ -368,11 +368,12 @@ def up(
     as_json: JsonFlag = False,
 ) -> None:
     """Start router, machine, monitor and controller, and start again what dies."""
-    from services.machines.adapters import Choice
+    from services.machines.adapters import Choice, check_choice
     from services.supervisor import Plan, keep_up
 
     config = load_case(case, sensitive(sensitivity))
     choice = Choice(adapter=adapter, folder=linuxcnc, attach=attach)
+    check_choice(choice, config)
     lasts = ["--forever"] if forever else []
     if duration_s is not None and not forever:
         lasts = ["--duration-s", str(positive("duration-s", duration_s, "s"))]

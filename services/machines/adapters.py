@@ -7,10 +7,10 @@ import pathlib
 import tempfile
 from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from services.config import Case
-from services.errors import InputError
+from services.errors import InputError, RefusalError
 from services.nodes.machine import MachineNode
 
 ADAPTERS = ("simulator", "linuxcnc")
@@ -58,13 +58,30 @@ class Choice:
         return ("--adapter", self.adapter, *named, *(("--attach",) if self.attach else ()))
 
 
+def check_choice(choice: Choice, case: Case) -> None:
+    """Refuse a folder of LinuxCNC that cannot shift the turret of a case, before anything is started."""
+    if choice.adapter == "simulator" or choice.folder is None:
+        return
+    from services.machines.linuxcnc.folder import missing_lines
+    from services.machines.linuxcnc.settings import load_settings
+
+    settings = load_settings(choice.folder)
+    settings.fit(case)
+    if missing := missing_lines(settings):
+        raise InputError(
+            "linuxcnc", str(choice.folder),
+            f"a folder whose HAL keeps bounds and watchdog in the servo thread: {len(missing)} lines are missing, "
+            f"first: {missing[0]} (compare `antiphase linuxcnc init DIR`)",
+        )  # fmt: skip
+
+
 @contextmanager
 def open_machine(choice: Choice, case: Case, seed: int, run: str) -> Generator[MachineNode]:
     """Make a machine, and end whatever was started for it."""
     if choice.adapter == "simulator":
         yield MachineNode(case, seed, run)
         return
-    from services.machines.linuxcnc.control import Control
+    from services.machines.linuxcnc.control import Control, absent
     from services.machines.linuxcnc.folder import init_folder
     from services.machines.linuxcnc.link import Link
     from services.machines.linuxcnc.node import LinuxcncNode
@@ -75,9 +92,11 @@ def open_machine(choice: Choice, case: Case, seed: int, run: str) -> Generator[M
         if folder is None:
             folder = pathlib.Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="antiphase-lathe-")))
             init_folder(folder, case)
+        check_choice(replace(choice, folder=folder), case)
         settings = load_settings(folder)
-        settings.fit(case)
         environment = dict(os.environ)
+        if choice.attach and (why := absent(settings)):
+            raise RefusalError(why)
         if not choice.attach:
             environment = stack.enter_context(Control(settings)).environment
         link = Link(settings, environment)

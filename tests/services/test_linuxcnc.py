@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from pitch import offset_from_slides, slide_set_points, turret_offset
 from services.config import load_case
 from services.errors import InputError
+from services.machines.adapters import Choice, check_choice
 from services.machines.linuxcnc import control
 from services.machines.linuxcnc.folder import compose, init_folder, missing_lines
 from services.machines.linuxcnc.link import Row
@@ -95,8 +96,18 @@ def test_what_is_missing_in_the_hal_is_named(folder):
     assert "net fault latch.out => not-fault.in motion.feed-inhibit sampler.0.pin.7" in missing_lines(
         load_settings(folder)
     )
+    with pytest.raises(InputError, match="1 lines are missing, first: net fault latch.out"):
+        check_choice(Choice(adapter="linuxcnc", folder=folder), case())
     (folder / "drives.hal").unlink()
     assert "drives.hal" in missing_lines(load_settings(folder))[0]
+
+
+def test_there_must_be_a_control_to_attach_to(folder, monkeypatch):
+    monkeypatch.setattr(control, "installed", str)
+    monkeypatch.setattr(control, "_tasks", list)
+    assert "no LinuxCNC is running: start it with `linuxcnc" in control.absent(load_settings(folder))
+    monkeypatch.setattr(control, "_tasks", lambda: ["milltask"])
+    assert control.absent(load_settings(folder)) == ""
 
 
 @pytest.mark.parametrize("angle_deg", [30.0, 45.0, 90.0])

@@ -32,6 +32,7 @@ LOOP_S, SAY_S, STATUS_S = 0.001, 0.004, 0.01
 MOST_POINTS, MOST_AHEAD_S, MOST_UNREAD = 100, 0.002, 1 << 20
 REST_MM, NEAR_MM, ARMING_S, CYCLES = 1e-6, 5e-3, 3.0, 5
 SLOW = ("home", "load")
+NOT_HIS = "the state of LinuxCNC cannot be read: attach as the user who started it, with the same HOME"
 CONTROL = ("estop", "estop_reset", "on", "off", "home", "load", "run", "abort", "manual")
 
 
@@ -284,7 +285,7 @@ class Bridge:
             self._pins["beat"] = self._beat
         if now - self._polled >= STATUS_S:
             self._polled = now
-            self._look()
+            self.look()
 
     def _drain(self):
         """Take all cycles that were sampled until now."""
@@ -318,7 +319,8 @@ class Bridge:
         self._here = here
         self._pins["x"], self._pins["y"] = here
 
-    def _look(self):
+    def look(self):
+        """Read the state of the control."""
         stat, c = self._stat, self._linuxcnc
         stat.poll()
         self.status = {
@@ -345,8 +347,11 @@ def main(arguments):
 
     try:
         bridge = Bridge(hal, linuxcnc, Orders(linuxcnc), float(arguments[0]))
-    except (Refused, hal.error, linuxcnc.error, RuntimeError) as error:
-        os.write(1, json.dumps({"refused": str(error) or "LinuxCNC does not answer"}).encode() + b"\n")
+        bridge.look()
+        bridge.look()  # without the file in the home of whoever started LinuxCNC only the first one works
+    except (Refused, hal.error, linuxcnc.error, RuntimeError, SystemError) as error:
+        why = NOT_HIS if isinstance(error, SystemError) else str(error) or "LinuxCNC does not answer"
+        os.write(1, json.dumps({"refused": why}).encode() + b"\n")
         return 3
     os.set_blocking(0, False)
     os.set_blocking(1, False)

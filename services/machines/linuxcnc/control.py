@@ -49,10 +49,21 @@ def old_version(text: str) -> str:
     return f"this is LinuxCNC {text or 'of unknown version'}; external offsets are relied on from {wanted}: {INSTALL}"
 
 
+def absent(settings: Settings) -> str:
+    """Return why there is no LinuxCNC to attach to, empty if there is one."""
+    if why := installed():
+        return why
+    start = f"start it with `linuxcnc {settings.path}`, switch it on, home all axes"
+    return "" if _tasks() else f"no LinuxCNC is running: {start}"
+
+
+def _tasks() -> list[str]:
+    return sorted({name for name in map(_name, _processes()) if name in TASKS})
+
+
 def running() -> str:
     """Return what says that a LinuxCNC is there already, empty if none is."""
-    there = sorted({name for name in map(_name, _processes()) if name in TASKS})
-    if there:
+    if there := _tasks():
         return f"another LinuxCNC is running ({', '.join(there)}): end it first, one control per computer"
     if LOCK.exists():
         return f"{LOCK} is left by a LinuxCNC that did not end well, and none is running: remove that file"
