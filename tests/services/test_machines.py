@@ -6,6 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from services import supervisor
+from services.cli import app
 from services.config import load_case
 from services.errors import InputError
 from services.guard import Guard
@@ -100,6 +102,15 @@ def test_a_choice_is_handed_on_as_options():
     assert Choice().options() == ()
     choice = Choice(adapter="linuxcnc", folder="d", attach=True, trace="t.csv")
     assert choice.options() == ("--adapter", "linuxcnc", "--linuxcnc", "d", "--trace", "t.csv", "--attach")
+
+
+def test_up_hands_the_adapter_on_to_its_machine(monkeypatch, capsys):
+    plans = []
+    monkeypatch.setattr(supervisor, "keep_up", lambda plan, *_, **__: plans.append(plan) or {})
+    with pytest.raises(SystemExit):
+        app.main(["up", "thesis-652", "--adapter", "linuxcnc", "--forever", "--json"])
+    assert plans[0].lasts == ("--forever", "--adapter", "linuxcnc")
+    assert capsys.readouterr().out.startswith("{")
 
 
 def make_guard():
