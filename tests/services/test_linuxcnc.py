@@ -3,6 +3,7 @@
 import functools
 import json
 import math
+import os
 import runpy
 from importlib.resources import files
 
@@ -100,6 +101,12 @@ def test_what_is_missing_in_the_hal_is_named(folder):
         check_choice(Choice(adapter="linuxcnc", folder=folder), case())
     (folder / "drives.hal").unlink()
     assert "drives.hal" in missing_lines(load_settings(folder))[0]
+
+
+def test_a_control_whose_parent_was_killed_is_known_to_end_by_itself():
+    assert control.orphaned(b"PATH=/bin\0ANTIPHASE_PARENT=999999999\0LANG=C\0")
+    assert not control.orphaned(b"ANTIPHASE_PARENT=%d\0" % os.getpid())
+    assert not control.orphaned(b"PATH=/bin\0")
 
 
 def test_there_must_be_a_control_to_attach_to(folder, monkeypatch):

@@ -70,6 +70,22 @@ def running() -> str:
     return ""
 
 
+def orphaned(environ: bytes) -> bool:
+    """Whether a process with this environment belongs to a control of ours whose parent is gone: it ends by itself."""
+    found = re.search(rb"(?:^|\0)ANTIPHASE_PARENT=(\d+)\0", environ)
+    return found is not None and not pathlib.Path(f"/proc/{int(found[1])}").exists()
+
+
+def _ending() -> bool:
+    """Whether a control of ours is about to end."""
+    for pid in _processes():
+        if _name(pid) in (*TASKS, "linuxcnc"):
+            with contextlib.suppress(OSError):
+                if orphaned(pathlib.Path(f"/proc/{pid}/environ").read_bytes()):
+                    return True
+    return False
+
+
 def _processes() -> list[int]:
     return [int(entry) for entry in os.listdir("/proc") if entry.isdigit()]
 
@@ -93,6 +109,9 @@ class Control:
     """
 
     def __init__(self, settings: Settings) -> None:
+        until = CLOCK.now() + STOP_S
+        while _ending() and CLOCK.now() < until:
+            CLOCK.sleep_until(CLOCK.now() + LOOK_S)
         if why := installed() or running():
             raise RefusalError(why)
         self._folder = pathlib.Path(tempfile.mkdtemp(prefix="antiphase-linuxcnc-", dir="/tmp"))
