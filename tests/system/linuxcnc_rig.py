@@ -163,7 +163,8 @@ def picture(rows, path, marks, bounds=None):
     for k, axis in ((1, "x1"), (2, "y1")):
         columns[f"requested_{axis}_mm"] = np.array([getattr(row, f"bounded_{k}_mm") for row in rows])
         columns[f"applied_{axis}_mm"] = np.array([getattr(row, f"applied_{k}_mm") for row in rows])
-        stood = getattr(base, f"joint_{k}_mm") - getattr(base, f"applied_{k}_mm")  # where the program had it
+        # where the program had it: the scenes stand at tenths of a millimetre, and a joint follows by some micrometres
+        stood = round(getattr(base, f"joint_{k}_mm") - getattr(base, f"applied_{k}_mm"), 1)
         columns[f"simulated_{axis}_mm"] = np.array([getattr(row, f"joint_{k}_mm") - stood for row in rows])
     times = [(1e-3 * (cycle - rows[0].cycle), word) for cycle, word in marks]
     words = {"title": path.stem.replace("_", " "), "follower": "joint"}
