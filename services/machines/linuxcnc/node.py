@@ -209,7 +209,7 @@ class LinuxcncNode(MachineNode):
 
     def _blocked(self) -> str:
         status = self.link.status
-        if not self.link.armed and self._begun:
+        if not self.link.armed and self._begun and not self._tripped:  # who tripped it has said why
             return "the offsets of LinuxCNC are not armed"
         return "no program runs on LinuxCNC any more" if self._ran and status["program"] == "idle" else ""
 
