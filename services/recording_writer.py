@@ -267,12 +267,14 @@ def open_file(path: pathlib.Path, new: bool) -> io.BufferedWriter:
     So are later parts of the same recording.
     """
     later = list(parts_of(path).values())[1:]
-    if new and later:
-        raise InputError("out", str(path), f"a new file; {later[0].name} is a later part of another recording")
+    if new and later and not path.exists():
+        raise _later(path, later[0])
     path.parent.mkdir(parents=True, exist_ok=True)
     file = os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT, 0o644), "wb")
     try:
         _lock(file)
+        if new and later:
+            raise _later(path, later[0])
         if os.fstat(file.fileno()).st_size:
             if new:
                 raise InputError("out", str(path), "a new file; this one holds something, and recordings are kept")
@@ -286,6 +288,10 @@ def open_file(path: pathlib.Path, new: bool) -> io.BufferedWriter:
         file.close()
         raise
     return file
+
+
+def _later(path: pathlib.Path, other: pathlib.Path) -> InputError:
+    return InputError("out", str(path), f"a new file; {other.name} is a later part of another recording")
 
 
 def _lock(file: io.BufferedWriter) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from services.cli.app import JsonFlag, app, console, emit, positive
+from services.cli.app import JsonFlag, app, console, emit, positive, require
 from services.cli.services import Child, Connect, IdentityDir, known_as, on_bus, say
 from services.clock import WallClock, utc_now
 from services.errors import InputError
@@ -31,12 +31,16 @@ def record(
     duration_s: Annotated[
         float | None, typer.Option("--duration-s", help="How long (s); default: until stopped.")
     ] = None,
+    part_s: Annotated[
+        float, typer.Option("--part-s", help="A long recording goes on in a further file after so long (s).")
+    ] = 480.0,
     identity: IdentityDir = None,
     as_json: JsonFlag = False,
     child: Child = False,
 ) -> int:
     """Record everything that is on the bus about a machine, until stopped."""
     until_s = math.inf if duration_s is None else positive("duration-s", duration_s, "s")
+    require("part-s", part_s, "1 to 3600 s (its index is held in memory: 120 MB an hour)", 1.0 <= part_s <= 3600.0)
     check_machine(machine)
     answer: dict[str, Any] = {"service": "recorder", "machine": machine, "file": None, "messages": 0, "failure": None}
     with StopSignal() as stop:
@@ -44,7 +48,7 @@ def record(
             Parent()
         try:
             with on_bus(machine, connect, None, stop, known_as("recorder", identity)) as bus:
-                answer = _record(bus, file_for(out, machine), stop, until_s)
+                answer = _record(bus, file_for(out, machine), stop, until_s, part_s)
         except Stopped:  # before there was anything to record
             say("stopped")
     emit(answer, _words(answer), as_json)
@@ -60,16 +64,16 @@ def file_for(out: pathlib.Path, machine: str) -> pathlib.Path:
     return out / f"{machine}-{utc_now():%Y%m%dT%H%M%SZ}.mcap"
 
 
-def _record(bus: Any, path: pathlib.Path, stop: StopSignal, until_s: float) -> dict[str, Any]:
+def _record(bus: Any, path: pathlib.Path, stop: StopSignal, until_s: float, part_s: float) -> dict[str, Any]:
     from services.bus_recorder import BusRecorder
-    from services.recording_writer import McapRecorder, run_metadata
+    from services.recording_writer import PERIOD_S, McapRecorder, run_metadata
     from services.tape import versions
 
     known = run_metadata(
         case="", seed=None, run="", config="", digest="", version=versions()["antiphase"], clock="wall"
     ) | {"machine": bus.machine, "begun_utc": f"{utc_now():%Y-%m-%dT%H:%M:%S.%fZ}", "by": "record"}  # fmt: skip
     try:
-        recorder = McapRecorder(path, known, new=True)
+        recorder = McapRecorder(path, known, new=True, part_chunks=math.ceil(part_s / PERIOD_S))
     except OSError as error:
         raise InputError("out", str(path), f"a file that can be written to ({error.strerror})") from error
     with recorder:

@@ -146,7 +146,9 @@ def soak(
 def _lines(plan: Plan, wishes: Wishes, endpoint: str, folder: pathlib.Path) -> dict[str, list[str]]:
     attached = ("--machine", plan.machine, "--connect", endpoint, "--json")
     lines = {name: plan.line(name, endpoint) for name in ("monitor", "controller")}
-    lines["recorder"] = command_line("record", *attached, "--child", "--out", str(folder / "soak.mcap"))
+    lines["recorder"] = command_line(
+        "record", *attached, "--child", "--part-s", "60", "--out", str(folder / "soak.mcap")
+    )
     for number in range(wishes.dashboards):
         lines[f"dashboard-{number + 1}"] = command_line("dashboard", plan.case, *attached, "--port", "0")
     return lines

@@ -39,6 +39,7 @@ def see(spy, monitor, machine, path, when, out):
     """Kill the monitor at its time, and return what followed, in the time of the samples."""
     case = load_case(CASE)
     ready = {"moving": mid_move, "applied": at_rest}[when]
+    assert spy.until(lambda: MachineState in spy.last), machine.told()  # compiled, by then
     if not spy.until(lambda: ready(spy), PATIENCE_S):
         busy = too_late(spy, machine)
         assert busy, machine.told()

@@ -158,6 +158,7 @@ def test_linuxcnc_avoids_chatter_and_freezes_when_the_monitor_is_killed_in_mid_m
     assert 1990 <= seen["guard_ms"]["FAULT"] <= 2600
     assert seen["feed_stands_ms"] <= 1000  # from HOLDING on, also while FAULT is not latched yet
     assert seen["latched"]
+    assert "FAULT" in seen["reason"]  # not the latch that followed
     assert seen["drift_um"] <= 50.0
 
 

@@ -15,7 +15,7 @@ from services.config import load_case
 from services.messages import Event, SampleBlock
 from services.playback import publish, serve_recorded_config, stretch
 from services.process import StopSignal, command_line
-from services.recording_file import RecordingReader
+from services.recording_file import RecordingReader, part_path
 from services.recording_writer import McapRecorder
 from services.zenoh_bus import ZenohBus
 from tests.system.kit import Spy, block, processes, until
@@ -75,7 +75,7 @@ def test_what_is_heard_is_in_the_file_and_ctrl_c_ends_it_whole(tmp_path, talker)
     path, full = tmp_path / "run.mcap", tmp_path / "full.mcap"
     options = ("--connect", talker.endpoint, "--json", "--out")
     with processes(tmp_path) as start, contextlib.closing(Spy(talker.endpoint)) as spy:
-        first = start("record", *options, str(path))
+        first = start("record", "--part-s", "1", *options, str(path))
         line = command_line("record", *options, str(full))
         stuffed = start(line=["bash", "-c", 'ulimit -f 60; exec "$@"', "bash", *line])  # a disk of 60 KB
         assert heard(path)
@@ -86,8 +86,10 @@ def test_what_is_heard_is_in_the_file_and_ctrl_c_ends_it_whole(tmp_path, talker)
         assert spy.until(lambda: "recording_stopped" in {event.kind for event in spy.of(Event)})
         assert until(lambda: stuffed.ended() is not None)
         assert (stuffed.ended(), stuffed.said()["failure"].startswith("full.mcap ends early")) == (1, True)
+        assert until(lambda: part_path(path, 2).exists())
         assert first.stop(signal.SIGINT) == 0
         said = first.said()
+    assert said["parts"] >= 2
     got, reader = numbers(path)
     assert reader.whole
     assert reader.notes == []
