@@ -3,6 +3,7 @@
 import os
 import pathlib
 import signal
+from itertools import pairwise
 
 import numpy as np
 
@@ -54,13 +55,15 @@ def see(spy, monitor, machine, path, when, out):
     trace = read_trace(path)
     if out is not None:
         draw(trace, pathlib.Path(out) / f"monitor_killed_{when}.png", killed_s, states, case)
+    last_s = last_taken(states, case)
     latched, since = trace["fault"] > 0.5, trace["time_s"] > killed_s
     after = since & ~latched
     feeds = np.flatnonzero(since & (np.abs(np.diff(trace["feed_mm"], append=trace["feed_mm"][-1])) > 1e-4))
     return {
         "detected": any(r.state == "chatter" for r in spy.of(ChatterReport)), "at_end": heard_again(spy, states, case),
         "killed_s": killed_s, "shift_deg": shift_deg, "shift_at_end_deg": states[-1].shift_applied_deg,
-        "guard_ms": {name: 1e3 * (reached(states, name, case) - killed_s) for name in ("HOLDING", "FAULT")},
+        "guard_ms": {name: 1e3 * (reached(states, name, case, last_s) - last_s) for name in ("HOLDING", "FAULT")},
+        "last_command_ms": 1e3 * (last_s - killed_s),
         "latched_ms": 1e3 * float(trace["time_s"][latched][0] - killed_s) if latched.any() else None,
         "feed_stands_ms": 1e3 * float(trace["time_s"][feeds[-1]] - killed_s), "reason": states[-1].reason,
         "before": bool((latched & ~since).any()), "latched": bool(latched[-1]),
@@ -97,9 +100,16 @@ def at_rest(spy):
     return moved and all(report.state != "chatter" for report in reports)
 
 
-def reached(states, name, case):
-    """Return when the guard was in a state first (s)."""
-    samples = [state.sample for state in states if state.guard_state == name]
+def last_taken(states, case):
+    """Return when the last command was taken (s)."""
+    taken = [now.sample for before, now in pairwise(states) if now.commands_accepted > before.commands_accepted]
+    return taken[-1] / case.settings.sample_rate_hz
+
+
+def reached(states, name, case, since_s=0.0):
+    """Return when the guard was in a state first (s), from a time on."""
+    since = since_s * case.settings.sample_rate_hz
+    samples = [state.sample for state in states if state.guard_state == name and state.sample >= since]
     return samples[0] / case.settings.sample_rate_hz if samples else float("nan")
 
 
@@ -109,7 +119,7 @@ def draw(trace, path, killed_s, states, case):
 
     path.parent.mkdir(parents=True, exist_ok=True)
     marks = [(killed_s, "the monitor is killed")]
-    marks += [(reached(states, name, case), f"guard {name}") for name in ("HOLDING", "FAULT")]
+    marks += [(reached(states, name, case, killed_s), f"guard {name}") for name in ("HOLDING", "FAULT")]
     part = trace["time_s"] > min(killed_s - 0.3, 2.0)
     write_linuxcnc_figure(
         {name: values[part] for name, values in trace.items()}, path, title="monitor killed", marks=marks
