@@ -56,6 +56,8 @@ def see(spy, monitor, machine, path, when, out):
     if out is not None:
         draw(trace, pathlib.Path(out) / f"monitor_killed_{when}.png", killed_s, states, case)
     last_s = last_taken(states, case)
+    if held := held_before(states, min(last_s, killed_s) * case.settings.sample_rate_hz):
+        return {"busy": held}
     latched, since = trace["fault"] > 0.5, trace["time_s"] > killed_s
     after = since & ~latched
     feeds = np.flatnonzero(since & (np.abs(np.diff(trace["feed_mm"], append=trace["feed_mm"][-1])) > 1e-4))
@@ -77,6 +79,13 @@ def too_late(spy, machine):
     state, moved = spy.last[MachineState], machine.told().count("the schedule moves")
     late = f"{state.commands_late} of {state.commands_accepted} commands late, the schedule moved {moved} times"
     return late if state.commands_late > 0.02 * state.commands_accepted or moved >= MOST_MOVES else ""
+
+
+def held_before(states, sample):
+    """Return whether the guard missed commands before that sample, empty if not: this computer was too busy."""
+    seen = [state.guard_state for state in states if state.sample <= sample]
+    missed = seen[seen.index("ACTIVE") :].count("HOLDING") if "ACTIVE" in seen else 0
+    return f"the guard held for {missed} blocks while all processes lived" if missed else ""
 
 
 def heard_again(spy, states, case):
