@@ -116,3 +116,16 @@ def test_each_kind_does_what_its_name_says_and_nothing_else(seed):
     assert {kind for kind, pieces in of.items() if any(piece.knocks for piece in pieces)} <= {"knocks"}
     for piece in of["knocks"]:
         assert all(0 <= at < piece.samples and tool in (0, 1) for at, _, tool, _ in piece.knocks)
+
+
+def test_slots_turn_with_the_bar_though_half_a_turn_is_no_whole_number_of_samples():
+    pieces = programme(
+        "slots", np.random.default_rng(1), 20.0, rate=9000.0, spindle_hz=38.571, longest_s=20.0, circumference=0.08
+    )  # fmt: skip
+    at, begins = 0, []
+    for piece in pieces:
+        begins = [at] if piece.enter else [*begins, at] if piece.engaged else begins
+        at += piece.samples
+    away = (np.array(begins) - begins[0]) / (0.5 * 9000.0 / 38.571)
+    assert len(begins) > 300
+    assert np.abs(away - np.round(away)).max() * 0.5 * 9000.0 / 38.571 <= 0.5 + 1e-9

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -103,7 +104,7 @@ def programme(
             speed = float(course[-1])
         if kind == "slots":
             width = rng.uniform(*SLOT) / circumference / spindle_hz
-            yield from _slotted(samples, round(0.5 * rate / spindle_hz), round(width * rate), course)
+            yield from _slotted(samples, 0.5 * rate / spindle_hz, round(width * rate), course)
         elif kind == "feed":
             yield from _fed(rng, samples, rate, course)
         else:
@@ -171,11 +172,15 @@ def _knocks(rng: np.random.Generator, samples: int, rate: float) -> list[tuple[i
     ]
 
 
-def _slotted(samples: int, half_turn: int, slot: int, course: Floats) -> Iterator[Piece]:
-    """Yield a pass over a bar with two opposite slots: at equal pitch both tools are over one at the same time."""
-    for start in range(0, samples, half_turn):
-        stop = min(start + half_turn, samples)
-        yield Piece(
-            samples=stop - start, engaged=True, speed=course[start:stop], enter=start == 0,
-            slot=min(slot, stop - start) if start else 0,
-        )  # fmt: skip
+def _slotted(samples: int, half_turn: float, slot: int, course: Floats) -> Iterator[Piece]:
+    """Yield a pass over a bar with two opposite slots: at equal pitch both tools are over one at the same time.
+
+    Half a turn is no whole number of samples, but the slots turn with the bar all the same.
+    """
+    edges = [round(k * half_turn) for k in range(math.ceil(samples / half_turn))]
+    for start, stop in pairwise([*edges, samples]):
+        if stop > start:
+            yield Piece(
+                samples=stop - start, engaged=True, speed=course[start:stop], enter=start == 0,
+                slot=min(slot, stop - start) if start else 0,
+            )  # fmt: skip
