@@ -219,7 +219,7 @@ class Alarm:
         grows = memory.leap.is_over(seen.level)
         if seen.fresh >= 1.0:
             return plain or grows
-        sure = plain and grows and min(memory.grown, seen.seen) >= SURE
+        sure = plain and grows and min(memory.grown, seen.seen) >= SURE and seen.growth <= FASTEST
         return sure and seen.fresh * exp(2.0 * seen.growth * SOON) >= 1.0
 
     def _rises(self, level: float) -> bool:

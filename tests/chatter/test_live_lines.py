@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from chatter.alarm import Alarm, Evidence
 from chatter.baseband import Baseband
 from chatter.refinement import settled
 from chatter.spectrum import pencil
@@ -126,6 +127,17 @@ def test_the_ring_of_a_blow_is_no_chatter_whenever_it_comes(at, size, shares, de
         signal += (ring * (time >= at))[:, None]
     out = last(signal, in_cut=after(0.5), spindle_hz=21.7)
     assert not any(e.state == "chatter" for e in out)
+
+
+def test_absurd_growth_is_no_growth_that_will_surely_go_on():
+    alarm = Alarm(CONFIG)
+    calm = Evidence(fresh=0.001, level=1.0, newest=0.5)
+    grows = Evidence(fresh=0.3, growth=20.0, explained=0.99, seen=9, regenerative=True, level=9.0, newest=2.0)
+    said = [alarm.step(dataclasses.replace(calm, age=age)) for age in range(11, 71)]
+    said += [alarm.step(dataclasses.replace(grows, age=age)) for age in range(71, 91)]
+    assert not any(said)
+    assert not alarm.step(dataclasses.replace(grows, age=91, growth=5e4))  # nor does it overflow
+    assert alarm.step(dataclasses.replace(grows, age=92, growth=40.0))
 
 
 def test_the_stated_rate_of_false_alarms_follows_the_sensitivity():
