@@ -5,7 +5,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -22,14 +22,13 @@ from services.messages import (
     SampleBlock,
     Tick,
     Truth,
-    TurretCommand,
 )
 from services.metrics import SUMMARY_KEYS, Summary
 from services.nodes.controller import ControllerNode
 from services.nodes.machine import MachineNode, make_plant
 from services.nodes.monitor import MonitorNode
 from services.record import RunRecord
-from services.tape import Tape, controlled_series, evaluate, make_record, plant_surface, tape_surface, twin_series
+from services.tape import Tap, Tape, controlled_series, evaluate, make_record, plant_surface, tape_surface, twin_series
 from turning_sim import PlantBlock, Simulator, slides_of_shift
 
 Progress = Callable[[float], None]
@@ -176,16 +175,24 @@ class Loop:
         self.machine = MachineNode(case, seed, run)
         self.monitor = MonitorNode(case, run)
         self.controller = ControllerNode(case, run, advise_only)
-        self.tape = Tape()
         self._nodes: dict[str, Node] = {
             "machine": self.machine, "monitor": self.monitor, "controller": self.controller,
         }  # fmt: skip
+        self._clock, self._tap = clock, Tap(clock)
         self._bus = InMemoryBus(self._nodes.values(), tap=self._tap)
-        self._clock, self._published = clock, 0.0
         self._arm_block = None if arm_after_s is None else round(arm_after_s / BLOCK_S)
         self._arm = OperatorRequest(run=run, source="operator", sequence=0, request=request, nonce=uuid.uuid4().hex)
         for node in self._nodes.values():
             node.prepare()
+
+    @property
+    def tape(self) -> Tape:
+        """What was said so far; another tape may be put in its place."""
+        return self._tap.tape
+
+    @tape.setter
+    def tape(self, tape: Tape) -> None:
+        self._tap.tape = tape
 
     def wrap(self, name: str, wrapper: Callable[[Node], Node]) -> None:
         """Put something between a node and the bus, such as a fault."""
@@ -200,11 +207,3 @@ class Loop:
         self._bus.publish(Tick(block=number))
         self.tape.wall_s += self._clock.now() - begin
         self.tape.blocks_lost = self.monitor.blocks_lost
-
-    def _tap(self, message: Any) -> None:
-        if isinstance(message, SampleBlock):
-            self._published = self._clock.now()
-        elif isinstance(message, TurretCommand):
-            self.tape.latency_ms.append(1e3 * (self._clock.now() - self._published))
-        if not isinstance(message, Tick):
-            self.tape.add(message)

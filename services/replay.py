@@ -21,7 +21,7 @@ from services.messages import Event, Message, SampleBlock, Truth, TurretCommand
 from services.nodes import controller, monitor
 from services.recording_file import RecordingReader, read_messages, read_metadata
 from services.sections import build
-from services.tape import Tape
+from services.tape import Tap, Tape
 
 SOURCES = (monitor.SOURCE, controller.SOURCE)
 """Who speaks anew in a replay; everybody else is quoted."""
@@ -222,19 +222,15 @@ class _Player:
         return self._stretch[0] <= (sample - end_of_block) / self._rate < self._stretch[1]
 
 
-class _Taker:
+class _Taker(Tap):
     """Keeps everything that is on the bus, and what the nodes say apart."""
 
     def __init__(self, clock: Clock) -> None:
-        self.tape, self.said = Tape(), list[Message]()
-        self._clock, self._published = clock, 0.0
+        super().__init__(clock)
+        self.said = list[Message]()
 
     def __call__(self, message: Any) -> None:
-        self.tape.add(message)
-        if isinstance(message, SampleBlock):
-            self._published = self._clock.now()
-        elif isinstance(message, TurretCommand):
-            self.tape.latency_ms.append(1e3 * (self._clock.now() - self._published))
+        super().__call__(message)
         if message.source in SOURCES:
             self.said.append(message)
 

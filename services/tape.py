@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from services.clock import Clock
 from services.config import Case
 from services.doubts import doubts_of
 from services.estimator import estimated_force, force_observer
@@ -20,6 +21,7 @@ from services.messages import (
     ForceBlock,
     MachineState,
     SampleBlock,
+    Tick,
     Truth,
     TurretCommand,
 )
@@ -66,6 +68,31 @@ class Tape:
         """Return a field of all blocks of one type as one array."""
         parts = [getattr(message, name) for message in self.of(kind)]
         return np.concatenate(parts) if parts else np.zeros(0)
+
+
+class Tap:
+    """Puts what a bus carries on a tape, with the time from each block to the command that it caused.
+
+    It knows neither bus nor loop, so that a loop and all that it recorded are gone with its last user.
+
+    Parameters
+    ----------
+    clock
+        For the latency.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self.tape = Tape()
+        self._clock, self._published = clock, 0.0
+
+    def __call__(self, message: Any) -> None:
+        """Take a message."""
+        if isinstance(message, SampleBlock):
+            self._published = self._clock.now()
+        elif isinstance(message, TurretCommand):
+            self.tape.latency_ms.append(1e3 * (self._clock.now() - self._published))
+        if not isinstance(message, Tick):
+            self.tape.add(message)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

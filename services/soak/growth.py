@@ -47,11 +47,8 @@ def growth(time_s: Floats, held_mb: Floats) -> Growth | None:
         return None
     hours = np.array([part.mean() for part in np.array_split(time_s[known] / 3600.0, STRETCHES)])
     held = np.array([part.mean() for part in np.array_split(held_mb[known], STRETCHES)])
-    away = hours - hours.mean()
-    spread = float(away @ away)
-    slope = float(away @ held) / spread
-    left = held - held.mean() - slope * away
-    return Growth(slope, STUDENT * float(np.sqrt(left @ left / (STRETCHES - 2) / spread)))
+    line, covariance = np.polyfit(hours - hours.mean(), held, 1, cov=True)
+    return Growth(float(line[0]), STUDENT * float(np.sqrt(covariance[0, 0])))
 
 
 def judged(time_s: Sequence[float], held_mb: Mapping[str, Sequence[float]]) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import gc
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -168,7 +167,6 @@ def _closed(case: Case, seed: int) -> Result:
     from services.closed_loop import run_case
 
     summary: Result = run_case(case, seed, WallClock()).summary.as_dict()
-    gc.collect()  # nodes and bus know each other: left to itself their 15 MB a cell become gigabytes
     quiet = summary["outcome"] in ("stable", "suppressed", "prevented")
     shown = {name: quiet if name == "stable" else summary[name] for name in CLOSED}
     return shown | _doubted(summary["doubts"])

@@ -2,13 +2,16 @@
 
 import dataclasses
 import functools
+import gc
 import math
+import weakref
 
 import msgspec
 import numpy as np
 import pytest
 
 from pitch import OneModeProcess, roots
+from services.clock import WallClock
 from services.closed_loop import Loop, blocks_of, judge, run_case
 from services.config import load_case
 from services.messages import ChatterReport, Event, SampleBlock, TurretCommand
@@ -301,3 +304,16 @@ def test_the_loop_takes_an_estimator_by_its_name(name):
     summary = run_case(case, 1, CountingClock()).summary
     assert summary.outcome in ("suppressed", "prevented")
     assert summary.moves == 1
+
+
+def test_a_loop_and_what_it_recorded_are_gone_with_its_last_user():
+    loop = Loop(load_case("thesis-652"), 1, WallClock())
+    loop.step(0)
+    gone = [weakref.ref(part) for part in (loop, loop.machine, loop.monitor)]
+    gc.collect()
+    gc.disable()
+    try:
+        del loop
+        assert [part() for part in gone] == [None, None, None]
+    finally:
+        gc.enable()
