@@ -62,7 +62,7 @@ class EventLog:
         except OSError as error:
             raise InputError("event-log", str(path), f"a file that can be appended to ({error.strerror})") from error
         self.path, self.failure = path, ""
-        self._lost = 0
+        self._lost = self._told = 0
         self._lines: queue.Queue[bytes | None] = queue.Queue(ROOM)
         self._thread = threading.Thread(target=self._run, name="event-log", daemon=True)
         self._thread.start()
@@ -98,16 +98,17 @@ class EventLog:
         ended = False
         while not ended:
             lines = [self._lines.get()]
-            while not self._lines.empty():
-                lines.append(self._lines.get_nowait())
+            waiting = self._lines.qsize()  # a batch ends, however fast more come
+            lines += [self._lines.get_nowait() for _ in range(waiting)]
             ended = lines[-1] is None
             self._append([line for line in lines if line is not None])
 
     def _append(self, lines: list[bytes]) -> None:
-        lost, self._lost = self._lost, 0
-        if lost:
-            note = {"lost": lost, "text": "events came faster than the disk takes them"}
+        lost = self._lost
+        if lost > self._told:
+            note = {"lost": lost - self._told, "text": "events came faster than the disk takes them"}
             lines.append(msgspec.json.encode(note) + b"\n")
+            self._told = lost
         if self.failure or not lines:
             return
         try:

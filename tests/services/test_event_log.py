@@ -5,6 +5,7 @@ import os
 import pathlib
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -50,7 +51,7 @@ def test_a_killed_process_leaves_what_it_told(tmp_path):
 
 
 WRITER = """
-import itertools, pathlib, sys
+import itertools, pathlib, sys, time
 from services.config import load_case
 from services.event_log import EventLog
 from tests.services.test_event_log import event
@@ -59,6 +60,8 @@ start = log._file.tell()
 log.begin(load_case("thesis-652"), "r")
 for number in itertools.count():
     log.write(event(number))
+    while log._lines.qsize() > 1000:
+        time.sleep(1e-4)
     if number % 100 == 0 and log._file.tell() > start + 200_000:
         print(flush=True)
 """
@@ -102,6 +105,22 @@ def test_every_batch_is_synced_before_the_next_and_so_is_the_name_of_the_file(tm
     assert seen[0] == str(tmp_path)
     assert seen[1:]
     assert set(seen[1:]) == {str(path)}
+
+
+def test_what_comes_faster_than_the_disk_takes_is_counted_to_the_last(tmp_path, monkeypatch):
+    monkeypatch.setattr("services.event_log.ROOM", 20)
+    slow = threading.Event()
+    monkeypatch.setattr(os, "fsync", lambda number: slow.wait(0.002))
+    path = tmp_path / "events.jsonl"
+    with EventLog(path) as log:
+        for number in range(5000):
+            log.write(event(number))
+        slow.set()
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    numbers = [line["sequence"] for line in lines if "sequence" in line]
+    assert numbers == sorted(set(numbers))
+    assert len(numbers) < 5000
+    assert len(numbers) + sum(line.get("lost", 0) for line in lines) == 5000
 
 
 def test_a_full_disk_is_said_and_stops_nothing():
