@@ -3,7 +3,7 @@
 from collections import deque
 from copy import deepcopy
 from dataclasses import dataclass, field
-from math import ceil, exp
+from math import ceil
 from typing import Any
 
 from chatter.estimate import MonitorConfig
@@ -25,7 +25,8 @@ RISE = 2.0
 SAME = 2
 """Blocks in a row in which the main line must be found at the same frequency: what rings after a blow wanders."""
 LEAP = 5.0
-"""Power of a block over that of the block before that growth does not explain (80 1/s): a blow, or lines that beat."""
+"""Power of a block over that of the block before that growth does not explain (80 1/s): a blow, or lines that beat
+where growth was seen before."""
 STRIKE, BEFORE = 25.0, 4
 """The same over the largest of so many blocks before the last two, which no lines that grow and beat reach (80 1/s over
 20 ms): a blow, however plain its ring."""
@@ -34,8 +35,9 @@ EDGE, AGAIN = 10, 1.5
 which vibration reaches that grows all the same."""
 PLAIN = 0.95
 """Share of the signal that lines which grow and beat explain, and the ring of a blow does not."""
-SURE, SOON = 3, 0.02
-"""Blocks in a row in which plain growth was seen that may be taken for granted, for so long ahead (s)."""
+LONG = 5
+"""Blocks of growth after which it is one, though its lines may be too near to each other to be found again: those of a
+slow spindle lie 10 Hz apart."""
 STANDING = 0.2
 """Time for which a vibration must stand over both limits to count without having been seen to grow (s)."""
 LASTING = 0.5
@@ -188,7 +190,8 @@ class Alarm:
             memory.on = memory.lowered < self._window_blocks
             return False
         onset = memory.grown >= self._confirm and seen.seen >= SAME and coherent
-        memory.on = (onset and self._reaches(seen) and self._rises(seen.level)) or self._stands()
+        onset = (onset and self._reaches(seen)) or self._goes_on(seen)
+        memory.on = (onset and self._rises(seen.level)) or self._stands()
         memory.resumes = memory.resumes and not memory.on
         return memory.on
 
@@ -198,7 +201,8 @@ class Alarm:
         recent = memory.recent
         if seen.age <= 1:
             recent.clear()
-        memory.leap.look(not recent or seen.newest > LEAP * recent[-1], seen.level)
+        leaps = seen.newest > LEAP * recent[-1] and not memory.grown if recent else True
+        memory.leap.look(leaps, seen.level)
         recent.append(seen.newest)
         before, now = list(recent)[:-2], list(recent)[-2:]
         memory.strike.look(len(before) == BEFORE and max(now) > STRIKE * max(before), seen.level)
@@ -212,15 +216,15 @@ class Alarm:
             memory.levels.popleft()
 
     def _reaches(self, seen: Evidence) -> bool:
-        """Return whether growth has reached the limit, or surely will at once; the edge of a blow is no growth."""
-        memory, plain = self._memory, seen.explained >= PLAIN
-        if not memory.strike.is_over(seen.level):
-            return False
-        grows = memory.leap.is_over(seen.level)
-        if seen.fresh >= 1.0:
-            return plain or grows
-        sure = plain and grows and min(memory.grown, seen.seen) >= SURE and seen.growth <= FASTEST
-        return sure and seen.fresh * exp(2.0 * seen.growth * SOON) >= 1.0
+        """Return whether growth has reached the limit; the edge of a blow is no growth."""
+        memory = self._memory
+        grows = seen.explained >= PLAIN or memory.leap.is_over(seen.level)
+        return seen.fresh >= 1.0 and grows and memory.strike.is_over(seen.level)
+
+    def _goes_on(self, seen: Evidence) -> bool:
+        """Return whether growth over the limit has gone on for so long that its lines need not be told apart."""
+        lasts = self._memory.grown >= LONG and self._memory.strike.is_over(seen.level)
+        return lasts and seen.regenerative and seen.fresh >= 1.0
 
     def _rises(self, level: float) -> bool:
         """Return whether the vibration is well over what was usual, as far as that is known."""

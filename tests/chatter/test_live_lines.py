@@ -129,15 +129,32 @@ def test_the_ring_of_a_blow_is_no_chatter_whenever_it_comes(at, size, shares, de
     assert not any(e.state == "chatter" for e in out)
 
 
-def test_absurd_growth_is_no_growth_that_will_surely_go_on():
+CALM = Evidence(fresh=0.001, level=1.0, newest=0.5)
+GROWS = Evidence(fresh=1.5, growth=20.0, explained=0.7, seen=1, regenerative=True, level=9.0, newest=4.0)
+
+
+def told(*said):
+    """Return what an alarm says to each of these, after calm cutting."""
     alarm = Alarm(CONFIG)
-    calm = Evidence(fresh=0.001, level=1.0, newest=0.5)
-    grows = Evidence(fresh=0.3, growth=20.0, explained=0.99, seen=9, regenerative=True, level=9.0, newest=2.0)
-    said = [alarm.step(dataclasses.replace(calm, age=age)) for age in range(11, 71)]
-    said += [alarm.step(dataclasses.replace(grows, age=age)) for age in range(71, 91)]
-    assert not any(said)
-    assert not alarm.step(dataclasses.replace(grows, age=91, growth=5e4))  # nor does it overflow
-    assert alarm.step(dataclasses.replace(grows, age=92, growth=40.0))
+    assert not any(alarm.step(dataclasses.replace(CALM, age=age)) for age in range(11, 71))
+    return [alarm.step(dataclasses.replace(one, age=71 + k)) for k, one in enumerate(said)]
+
+
+def test_growth_that_goes_on_is_one_though_no_line_is_found_twice():
+    assert told(*[GROWS] * 5) == [False] * 4 + [True]
+    assert not any(told(*[GROWS, dataclasses.replace(GROWS, growth=-9.0)] * 20))
+    assert not any(told(*[dataclasses.replace(GROWS, fresh=0.9)] * 30)), "below the limit"
+    assert not any(told(*[dataclasses.replace(GROWS, regenerative=False)] * 30))
+    assert not any(told(*[dataclasses.replace(GROWS, explained=0.5)] * 30)), "noise"
+    assert not any(told(*[dataclasses.replace(GROWS, growth=5e4)] * 30)), "absurd"
+    assert not any(told(*[dataclasses.replace(GROWS, newest=100.0)] * 9)), "the edge of a blow"
+
+
+def test_a_rise_within_a_block_is_a_blow_only_where_nothing_grew_before():
+    clear = dataclasses.replace(GROWS, explained=0.9, seen=5, newest=12.0)
+    begun = dataclasses.replace(clear, newest=2.0, fresh=0.5)
+    assert told(clear, clear, clear) == [False, False, False]
+    assert told(begun, clear, clear) == [False, False, True]
 
 
 def test_the_stated_rate_of_false_alarms_follows_the_sensitivity():

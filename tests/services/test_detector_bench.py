@@ -44,6 +44,13 @@ def test_an_onset_is_judged_in_full(trials):
             assert heard == sorted(heard)  # a higher threshold is never quicker
 
 
+@pytest.mark.parametrize(("seed", "number", "worst_ms"), [(21, 125, 70.0), (21, 215, 40.0), (21, 187, 50.0)])
+def test_lines_10_hz_apart_at_a_slow_spindle_are_told_by_their_growth(seed, number, worst_ms):
+    cut = onset_trial(seed, number, bench.TURRETS)
+    assert cut["spindle_speed_rpm"] < 700.0
+    assert cut["latency_ms"] < worst_ms
+
+
 def test_a_stable_cut_counts_false_alarms(trials):
     stable = trials[3:8]
     assert [one["kind"] for one in stable] == ["passes", "speed", "feed", "knocks", "slots"]
