@@ -32,7 +32,7 @@ def parse_band(text: str | None, rate_hz: float) -> tuple[float, float] | None:
 
 @app.command()
 def detect(
-    file: Annotated[pathlib.Path, typer.Argument(help="WAV, CSV, TDMS, MAT, LVM, UFF, HDF5 or MCAP.")],
+    file: Annotated[pathlib.Path, typer.Argument(help="WAV, FLAC, MP3, OGG, CSV, TDMS, MAT, LVM, UFF, HDF5 or MCAP.")],
     channel: Annotated[
         list[str] | None,
         typer.Option(

@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from services.errors import InputError
+from services.importers.audio import is_audio, read_audio
 from services.importers.recording import Recording
 from services.importers.table import read_csv
 from services.importers.timebase import same_rate
 from services.importers.wav import read_wav
 
 _TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".prn")
-_KNOWN = "a WAV, CSV, TDMS, MAT, LVM, UFF, HDF5 or MCAP file"
+_KNOWN = "a WAV, FLAC, MP3, OGG, CSV, TDMS, MAT, LVM, UFF, HDF5 or MCAP file"
+_MP4 = "WAV or FLAC: sound in MP4 (m4a, AAC) must be converted first, for example by `ffmpeg -i sound.m4a sound.flac`"
 
 
 def load_recording(path: pathlib.Path, rate_hz: float | None = None, channels: Sequence[str] = ()) -> Recording:
@@ -22,7 +24,7 @@ def load_recording(path: pathlib.Path, rate_hz: float | None = None, channels: S
     Parameters
     ----------
     path
-        WAV, CSV, TDMS, MAT, LVM, UFF, HDF5 or MCAP file; what is in it counts, not what it is called.
+        WAV, FLAC, MP3, OGG, CSV, TDMS, MAT, LVM, UFF, HDF5 or MCAP file; what is in it counts, not what it is called.
     rate_hz
         Sampling rate (Hz) for files that do not tell; a contradiction is an error.
     channels
@@ -38,7 +40,11 @@ def load_recording(path: pathlib.Path, rate_hz: float | None = None, channels: S
     except OSError as error:
         raise InputError("file", str(path), f"a file that can be read ({error.strerror})") from error
     if head[:4] in (b"RIFF", b"RIFX", b"RF64"):
-        return _wav(path, rate_hz)
+        return _at_its_rate(read_wav(path), rate_hz)
+    if is_audio(head):
+        return _at_its_rate(read_audio(path), rate_hz)
+    if head[4:8] == b"ftyp":
+        raise InputError("file", str(path), _MP4)
     found = _by_library(path, head, rate_hz, channels)
     if found is not None:
         return found
@@ -111,9 +117,8 @@ def _by_library(path: pathlib.Path, head: bytes, rate_hz: float | None, channels
     return None
 
 
-def _wav(path: pathlib.Path, rate_hz: float | None) -> Recording:
-    recording = read_wav(path)
+def _at_its_rate(recording: Recording, rate_hz: float | None) -> Recording:
     if rate_hz is not None and not same_rate(rate_hz, recording.rate_hz):
-        rule = f"the rate in the header of {path} ({recording.rate_hz:g} Hz), or left out"
+        rule = f"the rate in the header of {recording.source} ({recording.rate_hz:g} Hz), or left out"
         raise InputError("rate-hz", rate_hz, rule)
     return recording

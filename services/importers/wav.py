@@ -10,6 +10,7 @@ import numpy as np
 from scipy.io import wavfile
 
 from services.errors import InputError
+from services.importers.audio import read_audio, sound
 from services.importers.recording import Recording
 from services.importers.room import CHUNK_ROWS, room, slices, watched, whole_share
 from services.messages import Floats
@@ -28,6 +29,8 @@ def read_wav(path: pathlib.Path) -> Recording:
         try:
             rate, data = _opened(path)
         except (ValueError, EOFError, struct.error, UnboundLocalError, ZeroDivisionError, TypeError) as error:
+            if "Unknown wave file format" in str(error):  # compressed: ADPCM, A-law
+                return read_audio(path)
             raise InputError(
                 "file", str(path), f"a readable WAV file ({error or 'it ends within its header'})"
             ) from error
@@ -39,18 +42,7 @@ def read_wav(path: pathlib.Path) -> Recording:
     missing = whole_share(samples)
     if missing:
         notes.append(f"{missing} of {len(samples)} samples are not finite numbers and count as gaps")
-    channels = samples.shape[1]
-    names = (
-        ("mono",) if channels == 1 else ("left", "right") if channels == 2 else tuple(f"ch{k}" for k in range(channels))
-    )
-    return Recording(
-        source=str(path),
-        rate_hz=float(rate),
-        names=names,
-        units=("full scale",) * channels,
-        samples=samples,
-        notes=tuple(notes),
-    )
+    return sound(path, float(rate), samples, notes)
 
 
 def _opened(path: pathlib.Path) -> tuple[int, np.ndarray]:

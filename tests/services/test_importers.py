@@ -175,7 +175,7 @@ def test_other_files(tmp_path, name):
     path = tmp_path / name
     if name.endswith("png"):
         path.write_bytes(b"\x89PNG\r\n\x1a\n")
-    with pytest.raises(InputError, match=r"existing file|WAV, CSV"):
+    with pytest.raises(InputError, match=r"existing file|a WAV, FLAC"):
         load_recording(path)
 
 
