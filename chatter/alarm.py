@@ -3,7 +3,7 @@
 from collections import deque
 from copy import deepcopy
 from dataclasses import dataclass, field
-from math import ceil
+from math import ceil, exp
 from typing import Any
 
 from chatter.estimate import MonitorConfig
@@ -22,19 +22,24 @@ USUAL, FEW = 100, 20
 LEAK = 1
 RISE = 2.0
 """Amplitude over the usual one that an onset reaches."""
+GONE = 0.25
+"""Power of a block over that of the block before below which what was felt was a blow, and is over."""
 SAME = 2
 """Blocks in a row in which the main line must be found at the same frequency: what rings after a blow wanders."""
-LEAP = 5.0
-"""Power of a block over that of the block before that growth does not explain (80 1/s): a blow, or lines that beat
+LEAP = 4.0
+"""Power of a block over that of the block before that growth does not explain (70 1/s): a blow, or lines that beat
 where growth was seen before."""
 STRIKE, BEFORE = 25.0, 4
 """The same over the largest of so many blocks before the last two, which no lines that grow and beat reach (80 1/s over
 20 ms): a blow, however plain its ring."""
-EDGE, AGAIN = 10, 1.5
+EDGE, AGAIN = 10, 2.0
 """Blocks for which the stretch in which growth is measured holds the edge of a blow; and power over that of the blow
 which vibration reaches that grows all the same."""
-PLAIN = 0.95
-"""Share of the signal that lines which grow and beat explain, and the ring of a blow does not."""
+STEEP = 1.5
+"""Power over that of two blocks before, beyond what the growth of the lines explains: a blow on top of them."""
+PLAIN, PLAUSIBLE = 0.95, 70.0
+"""Share of the signal that lines which grow and beat explain, and the ring of a blow does not, and growth (1/s) up to
+which that is so."""
 LONG = 5
 """Blocks of growth after which it is one, though its lines may be too near to each other to be found again: those of a
 slow spindle lie 10 Hz apart."""
@@ -93,13 +98,13 @@ class _Edge:
 
     def look(self, rises: bool, level: float) -> None:
         """Take a block in; what rises may lie across two blocks."""
-        if rises or self.since < 1:
-            self.power = max(level, self.power if self.since < 1 else 0.0)
+        if rises or self.since < 2:
+            self.power = max(level, self.power if self.since < 2 else 0.0)
         self.since = 0 if rises else self.since + 1
 
     def is_over(self, level: float) -> bool:
         """Return whether growth is no longer that of the rise itself."""
-        return self.since >= EDGE or (self.since > 1 and level >= AGAIN * self.power)
+        return self.since >= EDGE or (self.since > 2 and level >= AGAIN * self.power)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -127,7 +132,7 @@ class Alarm:
     """
 
     def __init__(self, config: MonitorConfig) -> None:
-        self._confirm = config.confirm
+        self._confirm, self._block = config.confirm, config.block
         self._window_blocks = ceil(config.window / config.block - 1e-9)
         self._standing = max(ceil(STANDING / config.block - 1e-9), self._window_blocks)
         self._memory = _Memory()
@@ -189,9 +194,9 @@ class Alarm:
         if memory.on:
             memory.on = memory.lowered < self._window_blocks
             return False
-        onset = memory.grown >= self._confirm and seen.seen >= SAME and coherent
+        onset = growing and memory.grown >= self._confirm and seen.seen >= SAME and coherent
         onset = (onset and self._reaches(seen)) or self._goes_on(seen)
-        memory.on = (onset and self._rises(seen.level)) or self._stands()
+        memory.on = (onset and self._rises(seen)) or self._stands()
         memory.resumes = memory.resumes and not memory.on
         return memory.on
 
@@ -217,19 +222,25 @@ class Alarm:
 
     def _reaches(self, seen: Evidence) -> bool:
         """Return whether growth has reached the limit; the edge of a blow is no growth."""
-        memory = self._memory
-        grows = seen.explained >= PLAIN or memory.leap.is_over(seen.level)
-        return seen.fresh >= 1.0 and grows and memory.strike.is_over(seen.level)
+        memory, recent = self._memory, self._memory.recent
+        if seen.fresh < 1.0 or not memory.strike.is_over(seen.level):
+            return False
+        if len(recent) > 2 and seen.newest > STEEP * recent[-3] * exp(4.0 * self._block * seen.growth):
+            return False
+        plain = seen.explained >= PLAIN and seen.growth <= PLAUSIBLE
+        return plain or memory.leap.is_over(seen.level)
 
     def _goes_on(self, seen: Evidence) -> bool:
         """Return whether growth over the limit has gone on for so long that its lines need not be told apart."""
         lasts = self._memory.grown >= LONG and self._memory.strike.is_over(seen.level)
         return lasts and seen.regenerative and seen.fresh >= 1.0
 
-    def _rises(self, level: float) -> bool:
-        """Return whether the vibration is well over what was usual, as far as that is known."""
-        levels = sorted(self._memory.levels)
-        return len(levels) < FEW or level >= RISE**2 * levels[len(levels) // 2]
+    def _rises(self, seen: Evidence) -> bool:
+        """Return whether the vibration has not just gone, and is well over what was usual, as far as that is known."""
+        levels, recent = sorted(self._memory.levels), self._memory.recent
+        if len(recent) > 1 and seen.newest < GONE * recent[-2]:
+            return False
+        return len(levels) < FEW or seen.level >= RISE**2 * levels[len(levels) // 2]
 
     def _stands(self) -> bool:
         memory = self._memory

@@ -130,7 +130,7 @@ def test_the_ring_of_a_blow_is_no_chatter_whenever_it_comes(at, size, shares, de
 
 
 CALM = Evidence(fresh=0.001, level=1.0, newest=0.5)
-GROWS = Evidence(fresh=1.5, growth=20.0, explained=0.7, seen=1, regenerative=True, level=9.0, newest=4.0)
+GROWS = Evidence(fresh=1.5, growth=20.0, explained=0.7, seen=1, regenerative=True, level=9.0, newest=1.9)
 
 
 def told(*said):
@@ -151,10 +151,18 @@ def test_growth_that_goes_on_is_one_though_no_line_is_found_twice():
 
 
 def test_a_rise_within_a_block_is_a_blow_only_where_nothing_grew_before():
-    clear = dataclasses.replace(GROWS, explained=0.9, seen=5, newest=12.0)
-    begun = dataclasses.replace(clear, newest=2.0, fresh=0.5)
+    clear = dataclasses.replace(GROWS, explained=0.9, seen=5, newest=12.0, growth=60.0)
+    begun = dataclasses.replace(clear, newest=1.5, fresh=0.5)
     assert told(clear, clear, clear) == [False, False, False]
     assert told(begun, clear, clear) == [False, False, True]
+
+
+def test_a_rise_that_growth_does_not_explain_is_a_blow_and_so_is_what_has_gone_at_once():
+    grows = dataclasses.replace(GROWS, explained=0.9, seen=5, newest=1.5, fresh=0.5)
+    over = dataclasses.replace(grows, newest=3.0, fresh=1.2)
+    assert told(grows, grows, over) == [False, False, True]
+    assert told(grows, grows, dataclasses.replace(over, newest=6.0)) == [False, False, False]
+    assert told(grows, grows, dataclasses.replace(over, newest=0.3)) == [False, False, False]
 
 
 def test_the_stated_rate_of_false_alarms_follows_the_sensitivity():

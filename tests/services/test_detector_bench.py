@@ -44,7 +44,7 @@ def test_an_onset_is_judged_in_full(trials):
             assert heard == sorted(heard)  # a higher threshold is never quicker
 
 
-@pytest.mark.parametrize(("seed", "number", "worst_ms"), [(21, 125, 70.0), (21, 215, 40.0), (21, 187, 50.0)])
+@pytest.mark.parametrize(("seed", "number", "worst_ms"), [(21, 125, 70.0), (21, 215, 40.0), (21, 187, 55.0)])
 def test_lines_10_hz_apart_at_a_slow_spindle_are_told_by_their_growth(seed, number, worst_ms):
     cut = onset_trial(seed, number, bench.TURRETS)
     assert cut["spindle_speed_rpm"] < 700.0
