@@ -75,6 +75,8 @@ class Evidence:
         Squared amplitude of the band in the block itself.
     age : int
         Blocks since start, entry or exit.
+    least : float
+        What `fresh` must reach to count as over the limits.
     """
 
     fresh: float = 0.0
@@ -87,6 +89,7 @@ class Evidence:
     level: float = 0.0
     newest: float = 0.0
     age: int = 0
+    least: float = 1.0
 
 
 @dataclass(slots=True, kw_only=True)
@@ -223,7 +226,7 @@ class Alarm:
     def _reaches(self, seen: Evidence) -> bool:
         """Return whether growth has reached the limit; the edge of a blow is no growth."""
         memory, recent = self._memory, self._memory.recent
-        if seen.fresh < 1.0 or not memory.strike.is_over(seen.level):
+        if seen.fresh < seen.least or not memory.strike.is_over(seen.level):
             return False
         if len(recent) > 2 and seen.newest > STEEP * recent[-3] * exp(4.0 * self._block * seen.growth):
             return False
@@ -233,7 +236,7 @@ class Alarm:
     def _goes_on(self, seen: Evidence) -> bool:
         """Return whether growth over the limit has gone on for so long that its lines need not be told apart."""
         lasts = self._memory.grown >= LONG and self._memory.strike.is_over(seen.level)
-        return lasts and seen.regenerative and seen.fresh >= 1.0
+        return lasts and seen.regenerative and seen.fresh >= seen.least
 
     def _rises(self, seen: Evidence) -> bool:
         """Return whether the vibration has not just gone, and is well over what was usual, as far as that is known."""

@@ -21,6 +21,9 @@ LOOK = 0.5
 """Amplitude over a limit from which lines are looked at: the growth must be known when the limit is reached."""
 UNCLEAR = 2.0
 """Time for which a line that stands out near its limit is not taken for usual: it may still grow (s)."""
+YOUNG, EASED = 0.6, 2.0
+"""Time since an entry (s) within which what growth must reach is by so much higher in power (3 dB), where cuts before
+were quiet: the blow of the entry rings on, and with noise it looks like growth at the decay rate of the bar."""
 SPEED_CHANGE = 0.01
 """Relative change of the spindle speed after which what was learned in the cut no longer holds."""
 
@@ -172,6 +175,7 @@ class Detector:
         if main is None:
             alarm.step(Evidence(square=square, both=over == 2, level=fresh, newest=newest, age=self._memory.age))
             return
+        young = limit.source == "cutting" and self._memory.age * self._config.block < YOUNG
         place = int(np.abs(self._frequencies_hz - main.line.frequency_hz).argmin())
         raised = alarm.step(
             Evidence(
@@ -185,6 +189,7 @@ class Detector:
                 level=fresh,
                 newest=newest,
                 age=self._memory.age,
+                least=EASED if young else 1.0,
             )
         )
         if raised and limit.source != "cutting":

@@ -144,6 +144,7 @@ def test_growth_that_goes_on_is_one_though_no_line_is_found_twice():
     assert told(*[GROWS] * 5) == [False] * 4 + [True]
     assert not any(told(*[GROWS, dataclasses.replace(GROWS, growth=-9.0)] * 20))
     assert not any(told(*[dataclasses.replace(GROWS, fresh=0.9)] * 30)), "below the limit"
+    assert not any(told(*[dataclasses.replace(GROWS, least=2.0)] * 30)), "below the limit of a young cut"
     assert not any(told(*[dataclasses.replace(GROWS, regenerative=False)] * 30))
     assert not any(told(*[dataclasses.replace(GROWS, explained=0.5)] * 30)), "noise"
     assert not any(told(*[dataclasses.replace(GROWS, growth=5e4)] * 30)), "absurd"
@@ -163,6 +164,18 @@ def test_a_rise_that_growth_does_not_explain_is_a_blow_and_so_is_what_has_gone_a
     assert told(grows, grows, over) == [False, False, True]
     assert told(grows, grows, dataclasses.replace(over, newest=6.0)) == [False, False, False]
     assert told(grows, grows, dataclasses.replace(over, newest=0.3)) == [False, False, False]
+
+
+@pytest.mark.parametrize("growth", [12.0, 25.0, 50.0])
+def test_a_pass_after_a_quiet_one_takes_3_db_more_while_it_is_young(growth):
+    found = []
+    for passes in (1, 2):
+        rng, entry = np.random.default_rng(3), ENTRY + 3.0 * (passes - 1)
+        cut = lambda now, entry=entry: ENTRY <= now < ENTRY + 2.5 or now >= entry  # noqa: E731
+        signal = noise(rng, entry + 1.0, 0.35) + growing(entry + 1.0, entry, 641.0, growth, 0.4, 30.0)[:, None]
+        out = steps(monitor(), signal, in_cut=cut, spindle_hz=21.7)
+        found.append(next(end(e) for e in out if e.state == "chatter") - entry)
+    assert 0.0 < found[1] - found[0] < np.log(2.0) / (2.0 * growth) + 0.03
 
 
 def test_the_stated_rate_of_false_alarms_follows_the_sensitivity():
