@@ -197,8 +197,9 @@ class Alarm:
         if memory.on:
             memory.on = memory.lowered < self._window_blocks
             return False
-        onset = growing and memory.grown >= self._confirm and seen.seen >= SAME and coherent
-        onset = (onset and self._reaches(seen)) or self._goes_on(seen)
+        over = seen.regenerative and seen.fresh >= seen.least and memory.strike.is_over(seen.level)
+        told = growing and memory.grown >= self._confirm and seen.seen >= SAME and coherent
+        onset = over and (memory.grown >= LONG or (told and self._explained(seen)))
         memory.on = (onset and self._rises(seen)) or self._stands()
         memory.resumes = memory.resumes and not memory.on
         return memory.on
@@ -223,20 +224,13 @@ class Alarm:
         if len(memory.levels) > USUAL:
             memory.levels.popleft()
 
-    def _reaches(self, seen: Evidence) -> bool:
-        """Return whether growth has reached the limit; the edge of a blow is no growth."""
-        memory, recent = self._memory, self._memory.recent
-        if seen.fresh < seen.least or not memory.strike.is_over(seen.level):
-            return False
+    def _explained(self, seen: Evidence) -> bool:
+        """Return whether the growth of the lines explains what is felt; the edge of a blow is no growth."""
+        recent = self._memory.recent
         if len(recent) > 2 and seen.newest > STEEP * recent[-3] * exp(4.0 * self._block * seen.growth):
             return False
         plain = seen.explained >= PLAIN and seen.growth <= PLAUSIBLE
-        return plain or memory.leap.is_over(seen.level)
-
-    def _goes_on(self, seen: Evidence) -> bool:
-        """Return whether growth over the limit has gone on for so long that its lines need not be told apart."""
-        lasts = self._memory.grown >= LONG and self._memory.strike.is_over(seen.level)
-        return lasts and seen.regenerative and seen.fresh >= seen.least
+        return plain or self._memory.leap.is_over(seen.level)
 
     def _rises(self, seen: Evidence) -> bool:
         """Return whether the vibration has not just gone, and is well over what was usual, as far as that is known."""
