@@ -12,7 +12,7 @@ from scipy.io import wavfile
 from services.errors import InputError
 from services.importers.audio import read_audio, sound
 from services.importers.recording import Recording
-from services.importers.room import CHUNK_ROWS, room, slices, watched, whole_share
+from services.importers.room import CHUNK_ROWS, room, slices, watched
 from services.messages import Floats
 
 _LARGE = 1 << 26
@@ -39,9 +39,6 @@ def read_wav(path: pathlib.Path) -> Recording:
         raise InputError("file", str(path), f"a WAV file with samples and a rate ({samples.size} samples, {rate} Hz)")
     cut = any("EOF" in str(w.message) or "prematurely" in str(w.message) for w in caught)
     notes = [f"the file ends early: {len(samples) / rate:.2f} s are there, its header announces more"] if cut else []
-    missing = whole_share(samples)
-    if missing:
-        notes.append(f"{missing} of {len(samples)} samples are not finite numbers and count as gaps")
     return sound(path, float(rate), samples, notes)
 
 

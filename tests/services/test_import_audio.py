@@ -65,6 +65,41 @@ def test_a_file_that_ends_early_is_read_as_far_as_it_goes(tmp_path):
     assert 0.3 * 2 * RATE < len(recording.samples) < 0.6 * 2 * RATE
 
 
+@pytest.mark.parametrize("ending", ["aiff", "au"])
+def test_a_header_that_announces_more_than_is_there_is_said(tmp_path, ending):
+    path = written(tmp_path, ending)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    recording = load_recording(path)
+    assert 0.45 * len(TONES) < len(recording.samples) < 0.55 * len(TONES)
+    assert any("early" in note for note in recording.notes)
+
+
+def test_a_stream_that_does_not_know_its_length_is_read_to_its_end(tmp_path):
+    path = written(tmp_path, "flac")
+    raw = bytearray(path.read_bytes())
+    raw[21] &= 0xF0
+    raw[22:26] = bytes(4)
+    path.write_bytes(raw)
+    recording = load_recording(path)
+    assert len(TONES) - 1024 <= len(recording.samples) <= len(TONES)
+    assert any("does not tell the length" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(("ending", "subtype"), [("au", "FLOAT"), ("caf", "DOUBLE"), ("wav", "FLOAT")])
+def test_numbers_that_are_not_finite_count_as_gaps_and_are_said(tmp_path, ending, subtype):
+    spoilt = TONES.copy()
+    spoilt[100], spoilt[200] = np.nan, np.inf
+    recording = load_recording(written(tmp_path, ending, spoilt, subtype))
+    assert any("2 of 32000 samples" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("head", ["ID3", "FORM_x", "riff", "caff"])
+def test_a_table_whose_first_column_is_called_like_a_sound_is_a_table(tmp_path, head):
+    path = tmp_path / "table.csv"
+    path.write_text(f"{head},time_s\n" + "".join(f"{k % 7},{k / 1000}\n" for k in range(200)))
+    assert load_recording(path).rate_hz == pytest.approx(1000.0)
+
+
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(["flac", "ogg", "aiff", "mp3"]), st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255))))
 def test_spoilt_bytes_are_read_or_refused(tmp_path_factory, ending, spoilt):
